@@ -1,11 +1,11 @@
-"""When each account last called is written down: at once for a new one, else now and then."""
+"""The last call of each account is stored: at once for a new account, otherwise periodically."""
 
 from types import SimpleNamespace
 
 from taskrpc.classroom.attendance import WRITE_EVERY, Attendance, last_calls
 
 
-def test_who_calls_is_noted(tmp_path):
+def test_caller_is_recorded(tmp_path):
     path, clock = tmp_path / "attendance.json", SimpleNamespace(now=100.0)
     attendance = Attendance(path, lambda: clock.now)
     attendance.call_began(SimpleNamespace(principal="ada"))
@@ -20,7 +20,7 @@ def test_who_calls_is_noted(tmp_path):
     assert last_calls(path)["ada"] == clock.now
 
 
-def test_the_last_ones_are_written_at_the_end_and_known_to_the_next_server(tmp_path):
+def test_last_calls_are_written_at_the_end_and_read_by_the_next_server(tmp_path):
     path, clock = tmp_path / "attendance.json", SimpleNamespace(now=100.0)
     attendance = Attendance(path, lambda: clock.now)
     for clock.now in (100.0, 101.0):
@@ -31,7 +31,7 @@ def test_the_last_ones_are_written_at_the_end_and_known_to_the_next_server(tmp_p
     assert last_calls(path) == {"ada": 101.0, "bob": 200.0}
 
 
-def test_programs_of_the_lecturer_are_not_noted(tmp_path):
+def test_programs_of_the_lecturer_are_not_recorded(tmp_path):
     path = tmp_path / "attendance.json"
     attendance = Attendance(path)
     attendance.call_began(SimpleNamespace(principal=""))

@@ -30,7 +30,7 @@ def shaken(server: ssl.SSLContext, client: ssl.SSLContext, host: str) -> bytes:
 
 
 @pytest.mark.parametrize("host", NAMES)
-def test_who_trusts_the_authority_reaches_the_server_by_each_of_its_names(tmp_path, host):
+def test_client_that_trusts_the_authority_reaches_the_server_by_each_name(tmp_path, host):
     made = authority.make_certificates(tmp_path, NAMES, NOW)
     server, client = Tls(cert=made.cert, key=made.key), Tls(ca=made.ca)
     assert shaken(server.server_context(), client.client_context(), host)
@@ -43,7 +43,7 @@ def test_another_name_is_refused(tmp_path):
         shaken(server.server_context(), client.client_context(), "other.example")
 
 
-def test_the_fingerprint_is_that_of_the_certificate_shown_and_pins_it(tmp_path):
+def test_fingerprint_is_that_of_the_shown_certificate_and_pins_it(tmp_path):
     made = authority.make_certificates(tmp_path, NAMES, NOW)
     server = Tls(cert=made.cert, key=made.key).server_context()
     shown = shaken(server, Tls(ca=made.ca).client_context(), NAMES[0])
@@ -53,7 +53,7 @@ def test_the_fingerprint_is_that_of_the_certificate_shown_and_pins_it(tmp_path):
     assert shaken(server, pinned_context(pem, None), "elsewhere.example") == shown
 
 
-def test_a_new_certificate_is_another_one_of_the_same_authority(tmp_path):
+def test_renewed_certificate_has_the_same_authority(tmp_path):
     made = authority.make_certificates(tmp_path, NAMES, NOW)
     before, ca = made.fingerprint, made.ca.read_bytes()
     again = authority.make_certificates(tmp_path, NAMES, NOW)
@@ -62,20 +62,20 @@ def test_a_new_certificate_is_another_one_of_the_same_authority(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps them in the user's profile")
-def test_the_keys_are_for_this_user_only(tmp_path):
+def test_only_this_user_can_read_the_keys(tmp_path):
     made = authority.make_certificates(tmp_path, NAMES, NOW)
     for path in (made.key, made.ca_key):
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
 
 
-def test_an_authority_that_is_none_is_named(tmp_path):
+def test_invalid_authority_file_is_reported(tmp_path):
     made = authority.make_certificates(tmp_path, NAMES, NOW)
     made.ca_key.write_text("no key")
     with pytest.raises(TaskRpcError, match=r"ca\.pem, ca\.key: expected a certificate and its key"):
         authority.make_certificates(tmp_path, NAMES, NOW)
 
 
-def test_without_the_library_one_sentence_says_how_to_get_it(tmp_path, monkeypatch):
+def test_missing_library_is_reported_with_the_pip_command(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "cryptography", None)
     message = r"needs the library cryptography: pip install cryptography"
     with pytest.raises(TaskRpcError, match=message):

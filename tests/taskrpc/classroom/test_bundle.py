@@ -1,4 +1,4 @@
-"""The offline installation: which wheels are asked for, taskrpc's own, and the students' text."""
+"""The offline installation: downloaded wheels, taskrpc's own wheel, and the instructions."""
 
 from __future__ import annotations
 
@@ -119,7 +119,7 @@ def failing_pip(monkeypatch, stderr):
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
 
 
-def test_pips_failure_is_one_line(tmp_path, monkeypatch, capsys):
+def test_failure_of_pip_is_one_line(tmp_path, monkeypatch, capsys):
     failing_pip(monkeypatch, "WARNING: x\nERROR: Could not find a version that satisfies y\nz\n")
     assert main(["classroom", "bundle", str(tmp_path / "stick")]) == 1
     assert capsys.readouterr().err.splitlines() == [
@@ -135,7 +135,7 @@ def test_python_without_pip_gets_the_command_that_installs_it(tmp_path, monkeypa
     assert "has no pip to download the wheels; install it: " in capsys.readouterr().err
 
 
-def test_a_file_in_the_folders_place_is_one_line(tmp_path, capsys):
+def test_file_instead_of_a_folder_is_one_line(tmp_path, capsys):
     place = tmp_path / "stick"
     place.touch()
     assert main(["classroom", "bundle", str(place)]) == 1
@@ -143,12 +143,12 @@ def test_a_file_in_the_folders_place_is_one_line(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("version", ["3", "3.9", "4.0", "3.12.1", "x"])
-def test_a_version_that_is_none_is_wrong_usage(tmp_path, capsys, version):
+def test_invalid_python_version_is_wrong_usage(tmp_path, capsys, version):
     assert main(["classroom", "bundle", str(tmp_path), "--python", version]) == 2
     assert f"expected a version such as 3.12, got '{version}'" in capsys.readouterr().err
 
 
-def test_the_command_says_how_large_the_folder_is(tmp_path, monkeypatch, capsys):
+def test_bundle_command_prints_the_size_of_the_folder(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(bundle, "_run_pip", Pip())
     assert main(["classroom", "bundle", str(tmp_path), "--python", "3.12"]) == 0
     how = f"{tmp_path / INSTALL} tells the students how to install taskrpc"
@@ -156,6 +156,6 @@ def test_the_command_says_how_large_the_folder_is(tmp_path, monkeypatch, capsys)
     assert capsys.readouterr().out == said
 
 
-def test_a_class_says_how_laptops_get_taskrpc(capsys):
+def test_classroom_command_names_the_bundle_command(capsys):
     assert main(["classroom", "--address", "192.0.2.7"]) == 0
     assert "for laptops without taskrpc: taskrpc classroom bundle DIR\n" in capsys.readouterr().err

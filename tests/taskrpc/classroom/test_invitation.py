@@ -1,4 +1,4 @@
-"""A join string survives what mails and people do to it, or says what was done to it."""
+"""A join string survives changes by mail programs; for other changes, the error describes them."""
 
 import base64
 import binascii
@@ -45,7 +45,7 @@ def test_join_string_returns_the_values_that_it_was_made_of(invitation):
 
 
 @given(st.integers(min_value=0), st.sampled_from(["\n", " ", "\r\n", "\t"]))
-def test_blanks_and_line_breaks_do_no_harm(place, blank):
+def test_spaces_and_line_breaks_are_ignored(place, blank):
     text = to_join_string(EXAMPLE)
     place %= len(text) + 1
     assert from_join_string(f" {text[:place]}{blank}{text[place:]}\n") == EXAMPLE
@@ -83,7 +83,7 @@ def test_text_that_is_no_join_string_gives_one_sentence(text, message):
 
 @settings(max_examples=50)
 @given(st.text(LETTERS + ".\n é", max_size=8))
-def test_whatever_is_pasted_raises_nothing_else(text):
+def test_any_text_raises_no_other_error(text):
     for pasted in (text, PREFIX + text):
         with pytest.raises(TaskRpcError):
             from_join_string(pasted)
@@ -120,7 +120,7 @@ def test_the_token_is_not_printed():
     ],
 )
 def test_string_with_invalid_values_is_refused(changes):
-    """Its parts are printed, called, remembered, and name the nodes of who believes them."""
+    """A laptop prints, calls and stores its fields, and names its nodes after them."""
     wrong = to_join_string(replace(EXAMPLE, **changes))
     with pytest.raises(TaskRpcError, match="expected a join string of this version") as caught:
         from_join_string(wrong)

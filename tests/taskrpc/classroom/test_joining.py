@@ -1,4 +1,4 @@
-"""A laptop that joined calls the lab with nothing configured, and tells its secret nobody else."""
+"""A joined laptop calls the lab without configuration, and sends its secret to no other server."""
 
 import asyncio
 import datetime
@@ -67,7 +67,7 @@ async def test_every_later_program_reaches_the_lab(invitation):
     assert isinstance(await call(), taskrpc.ServiceUnavailable)
 
 
-async def test_what_the_laptop_itself_offers_comes_first(invitation):
+async def test_services_of_the_laptop_take_precedence(invitation):
     lab.remember_lab(await found(invitation))
 
     def other(request, response):
@@ -85,7 +85,7 @@ async def joined(invitation):
     lab.remember_lab(await found(invitation))
 
 
-async def test_nodes_that_say_no_namespace_are_in_the_labs(joined, monkeypatch):
+async def test_nodes_without_a_namespace_are_in_the_namespace_of_the_lab(joined, monkeypatch):
     assert taskrpc.Node("turtle").get_fully_qualified_name() == "/ada/turtle"
     assert taskrpc.sync.Node("turtle").get_fully_qualified_name() == "/ada/turtle"
     others = [
@@ -111,7 +111,9 @@ async def test_services_go_into_the_namespace_unless_their_name_is_absolute(join
     assert [each.name for each in here.services] == ["/ada/add", "/add", "/ada/turtle/add"]
 
 
-async def test_a_relative_name_is_the_students_own_service_else_the_labs(joined, invitation):
+async def test_relative_name_means_the_students_service_then_the_service_of_the_lab(
+    joined, invitation
+):
     """So that programs which know of no lab, such as the lecture's, call it unchanged."""
 
     def other(request, response):
@@ -136,13 +138,13 @@ async def test_a_relative_name_is_the_students_own_service_else_the_labs(joined,
         assert str(private) == "no server offers /ada/turtle/add"
 
 
-async def test_who_says_a_namespace_means_it(joined):
+async def test_given_namespace_takes_precedence(joined):
     async with taskrpc.Node("turtle", namespace="/own") as node:
         error = await outcome(node.create_client(Add, "add").call(ask()))
         assert str(error) == "no server offers /own/add"
 
 
-async def test_peers_go_before_the_lab(invitation, monkeypatch):
+async def test_peers_take_precedence_over_the_lab(invitation, monkeypatch):
     lab.remember_lab(await found(invitation))
     with socket.create_server(("127.0.0.1", 0)) as unused:
         port = unused.getsockname()[1]
@@ -150,13 +152,13 @@ async def test_peers_go_before_the_lab(invitation, monkeypatch):
     assert isinstance(await call(), taskrpc.ServiceUnavailable)
 
 
-async def test_the_labs_address_as_a_peer_brings_its_certificate_and_token(invitation, monkeypatch):
+async def test_address_of_the_lab_as_a_peer_uses_its_certificate_and_token(invitation, monkeypatch):
     lab.remember_lab(await found(invitation))
     monkeypatch.setenv("TASKRPC_PEERS", invitation.places[0])
     assert (await call()).sum == 5
 
 
-async def test_the_first_address_that_answers_is_taken(invitation):
+async def test_first_address_that_answers_is_used(invitation):
     with socket.create_server(("127.0.0.1", 0)) as unused:
         silent = f"127.0.0.1:{unused.getsockname()[1]}"
     joined = await found(changed(invitation, places=(silent, *invitation.places)))

@@ -1,4 +1,4 @@
-"""A class's register: who is in it may call, and each has a secret of its own."""
+"""The register of a class: its accounts may call, and each has a different secret."""
 
 import datetime
 import time
@@ -21,20 +21,20 @@ def register(tmp_path):
     return Register(tmp_path / "classroom")
 
 
-def test_each_account_has_a_secret_of_its_own_and_may_submit(register):
+def test_each_account_has_a_different_secret_and_may_submit(register):
     ada, bob = register.add(["ada", "bob"], 1e12)
     assert ada.secret != bob.secret
     assert {ada.role, bob.role} == {Role.SUBMIT}
     assert Register(register.folder).accounts() == [ada, bob]
 
 
-def test_who_is_added_again_keeps_the_secret_and_gets_the_new_end(register):
+def test_account_added_again_keeps_its_secret_and_gets_the_new_expiry(register):
     (before,) = register.add(["ada"], 1e12)
     (after,) = register.add(["ada"], 2e12)
     assert (after.secret, after.expires) == (before.secret, 2e12)
 
 
-def test_who_is_revoked_is_refused_and_needs_a_new_secret_to_come_back(register):
+def test_revoked_account_is_refused_and_gets_a_new_secret_when_added_again(register):
     (before,) = register.add(["ada"], 0)
     register.revoke("ada")
     assert register.accounts()[0].refusal(time.time()) == "the account ada is revoked"
@@ -62,7 +62,7 @@ def test_two_accounts_never_share_a_namespace(register, there, added, namespace,
     assert register.accounts() == before
 
 
-def test_the_namespace_of_a_revoked_account_is_free_until_it_comes_back(register):
+def test_namespace_of_a_revoked_account_is_free_until_it_is_added_again(register):
     register.add(["ana.k"], 0)
     register.revoke("ana.k")
     register.add(["ana_k"], 0)
@@ -81,7 +81,7 @@ def test_no_join_string_gives_a_namespace_that_another_account_has(register):
         register.join_string(replace(ana, name="ana_k"))
 
 
-def test_what_the_lecturer_has_written_into_the_file_stays(register):
+def test_edits_of_the_file_by_the_lecturer_are_kept(register):
     """An assistant who operates the robot is still one when the lines are printed again."""
     register.add(["ada", "bob"], 0)
     text = register.accounts_file.read_text()
@@ -104,7 +104,7 @@ def test_what_the_lecturer_has_written_into_the_file_stays(register):
         b"[1]",
     ],
 )
-def test_a_file_that_was_damaged_is_named_and_not_its_secrets(register, text):
+def test_damaged_file_is_reported_without_its_secrets(register, text):
     register.accounts_file.write_bytes(text)
     with pytest.raises(TaskRpcError) as caught:
         register.accounts()
@@ -128,7 +128,7 @@ NAMES = ["ada", "José", "Jose", "محمد علي", "Ada Lovelace", "小明"]
 ACCOUNTS = ["ada", "Jose", "Jose2", "student1", "Ada_Lovelace", "student2"]
 
 
-def test_a_name_in_any_script_gets_an_account_and_is_remembered_as_written(register):
+def test_name_in_any_script_gets_an_account_and_is_stored_unchanged(register):
     added = register.add(NAMES, 0)
     assert [account.name for account in added] == ACCOUNTS
     written = Register(register.folder).names()
@@ -145,7 +145,7 @@ def test_the_same_names_get_the_same_accounts_in_any_order(register):
     assert len(register.accounts()) == len(NAMES)
 
 
-def test_an_account_that_is_there_is_not_given_to_a_name_that_looks_like_it(register):
+def test_existing_account_is_not_given_to_a_similar_name(register):
     register.add(["Jose", "student1"], 0)
     added = register.add(["José", "小明"], 0)
     assert [account.name for account in added] == ["Jose2", "student2"]
@@ -161,7 +161,7 @@ def test_a_student_is_revoked_by_name_or_by_account(register):
         register.revoke("eve")
 
 
-def test_edits_at_the_same_time_lose_nothing(register):
+def test_simultaneous_edits_lose_nothing(register):
     with ThreadPoolExecutor(8) as pool:
         list(pool.map(lambda number: register.add([f"s{number}"], 0), range(24)))
     assert {account.name for account in register.accounts()} == {f"s{n}" for n in range(24)}
@@ -178,7 +178,7 @@ def test_join_string_has_all_that_the_laptop_needs(register):
     assert (found.expires, found.domain) == (1_800_000_000, 3)
 
 
-def test_before_there_is_a_class_that_is_said(register):
+def test_missing_class_is_reported(register):
     with pytest.raises(TaskRpcError, match="there is no class yet: `taskrpc classroom` makes one"):
         register.place  # noqa: B018 - a property
 

@@ -1,4 +1,4 @@
-"""What can be a student's name, and which account stands for it."""
+"""Valid names of students, and the accounts that are derived from them."""
 
 import pytest
 
@@ -43,5 +43,5 @@ def test_invalid_student_name_is_refused(name):
     assert "a student's name: expected 1 to 100 letters" in student_name_problem(name)
 
 
-def test_blanks_are_single():
+def test_repeated_spaces_become_single():
     assert cleaned("  Ada \t Lovelace\u00a0 ") == "Ada Lovelace"

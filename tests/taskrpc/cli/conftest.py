@@ -1,4 +1,4 @@
-"""A real server in a process of its own, which all tests of this folder may call."""
+"""A real server in a separate process, which all tests of this folder may call."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The lines of colcon in tutorials do no harm, and find mistakes in definitions."""
+"""The `colcon` lines of tutorials succeed, and find mistakes in definitions."""
 
 import os
 import shutil
@@ -37,7 +37,7 @@ def colcon(workspace, capsys):
 NOTE = "taskrpc: nothing was built: packages run from their sources here\n"
 
 
-def test_build_tells_of_each_package(colcon):
+def test_build_prints_a_line_for_each_package(colcon):
     assert colcon("build", "--symlink-install") == (
         0,
         [
@@ -69,7 +69,7 @@ def test_build_finds_mistakes_in_definitions(colcon, workspace):
     assert err.endswith(f"---\n{NOTE}")
 
 
-def test_an_unknown_package_is_told(colcon):
+def test_unknown_package_is_an_error(colcon):
     code, _, err = colcon("build", "--packages-select", "arm")
     assert (code, err) == (
         1,
@@ -77,11 +77,11 @@ def test_an_unknown_package_is_told(colcon):
     )
 
 
-def test_list_tells_where_packages_are(colcon):
+def test_list_prints_the_folders_of_packages(colcon):
     assert colcon("list") == (0, ["arms\tsrc/arms", "my_things\tsrc/my_things"], "")
 
 
-def test_a_real_installation_is_left_alone(colcon, workspace):
+def test_installation_of_a_real_colcon_is_not_changed(colcon, workspace):
     (workspace / "install").mkdir()
     (workspace / "install" / ".colcon_install_layout").write_text("isolated\n")
     colcon("build")
@@ -89,7 +89,7 @@ def test_a_real_installation_is_left_alone(colcon, workspace):
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not here")
-def test_what_tutorials_source_lets_the_shell_know_ros2(colcon, workspace):
+def test_setup_files_define_ros2_in_the_shell(colcon, workspace):
     colcon("build")
     command = workspace / "taskrpc"
     command.write_text('#!/bin/sh\necho "ros2() { echo ros2 \\$@; }"\n')

@@ -1,4 +1,4 @@
-"""Lines of tutorials about ros2's daemon do no harm."""
+"""The `ros2 daemon` lines of tutorials succeed."""
 
 import pytest
 
@@ -13,14 +13,14 @@ from taskrpc.cli.main import main
         ("stop", "The daemon is not running: "),
     ],
 )
-def test_each_verb_answers_and_succeeds(verb, begins, capsys):
+def test_each_daemon_command_prints_a_line_and_succeeds(verb, begins, capsys):
     assert main(["daemon", verb]) == 0
     assert capsys.readouterr().out.startswith(begins)
 
 
 @pytest.mark.real_time
 @pytest.mark.parametrize("command", ["service list", "node list", "topic list", "param list"])
-def test_ros2s_options_about_its_daemon_are_taken(command, tmp_path, monkeypatch):
+def test_daemon_options_of_ros2_are_accepted(command, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     tmp_path.chmod(0o700)
     options = ["--no-daemon", "--spin-time", "2", "-s"]

@@ -87,7 +87,7 @@ def test_list_has_the_order_of_ros2_with_any_order_of_options(run):
     assert headings == ["Messages:", "Services:"]
 
 
-def test_an_unknown_package_is_exit_1_and_names_what_is_near(run):
+def test_unknown_package_exits_with_1_and_suggests_similar_names(run):
     assert run("package", "paint_msg") == (
         1,
         "",
@@ -104,7 +104,7 @@ def test_packages_may_be_limited_to_kinds(run):
     assert "example_interfaces" in run("packages", "-a")[1].splitlines()
 
 
-def test_list_has_a_heading_a_kind_and_indents_by_four(run):
+def test_list_has_a_heading_for_each_kind_and_indents_by_four(run):
     lines = run("list")[1].splitlines()
     headings = [line for line in lines if not line.startswith("    ")]
     assert headings == ["Messages:", "Services:", "Actions:"]

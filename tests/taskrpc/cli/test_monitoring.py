@@ -1,4 +1,4 @@
-"""Who may see the pages of `taskrpc-server --web` elsewhere: who knows a token that holds now."""
+"""Beyond this machine, the pages of `taskrpc-server --web` need a valid token."""
 
 import hmac
 import time
@@ -57,13 +57,13 @@ def tls(tmp_path):
         ("\udcff", False),
     ],
 )
-def test_the_servers_own_token_and_those_of_its_accounts_open(accounts, token, expected):
+def test_tokens_of_the_server_and_of_its_accounts_are_accepted(accounts, token, expected):
     watch = Monitoring("127.0.0.1:0", Remote(token="the server's own"), str(accounts))
     assert watch._may_look(token) is expected
 
 
 @pytest.mark.parametrize("token", [f"{name}.{'x' * 20}" for name in ("ana", "bo", "nobody")])
-def test_a_wrong_secret_costs_the_same_comparisons_whoever_it_is_said_of(
+def test_wrong_token_takes_the_same_comparisons_for_every_account_name(
     accounts, token, monkeypatch
 ):
     compared = []
@@ -74,7 +74,7 @@ def test_a_wrong_secret_costs_the_same_comparisons_whoever_it_is_said_of(
     assert len(compared) == 2
 
 
-def test_without_accounts_only_the_servers_own_token_opens(monkeypatch):
+def test_without_accounts_only_the_token_of_the_server_is_accepted(monkeypatch):
     monkeypatch.setenv("TASKRPC_TOKEN", "environment")
     watch = Monitoring("127.0.0.1:0", Remote(), None)
     assert watch._may_look("environment")
@@ -82,14 +82,14 @@ def test_without_accounts_only_the_servers_own_token_opens(monkeypatch):
     assert not watch._may_look(f"ana.{SECRET}")
 
 
-def test_an_account_that_is_taken_out_of_the_file_opens_no_more(accounts):
+def test_account_removed_from_the_file_is_refused(accounts):
     watch = Monitoring("127.0.0.1:0", Remote(), str(accounts))
     assert watch._may_look(f"ana.{SECRET}")
     accounts.write_text(ACCOUNTS.replace("ana", "anna"), encoding="utf-8")
     assert not watch._may_look(f"ana.{SECRET}")
 
 
-async def test_elsewhere_a_secret_that_can_be_guessed_is_refused(tls):
+async def test_weak_token_beyond_this_machine_is_refused(tls):
     async with taskrpc.Node("task_server", transport="memory") as node:
         server = TaskServer(node, LineRobot(), FullStore())
         watch = Monitoring("0.0.0.0:0", Remote(tls=tls, token="short"), None)
@@ -99,7 +99,7 @@ async def test_elsewhere_a_secret_that_can_be_guessed_is_refused(tls):
         Monitoring("127.0.0.1:0", Remote(token="short"), None).web(server)
 
 
-async def test_elsewhere_neither_a_token_nor_accounts_is_refused(tls):
+async def test_missing_token_and_accounts_beyond_this_machine_are_refused(tls):
     async with taskrpc.Node("task_server", transport="memory") as node:
         server = TaskServer(node, LineRobot(), FullStore())
         with pytest.raises(taskrpc.CannotListen, match=r"a certificate \(tls\) and a token"):

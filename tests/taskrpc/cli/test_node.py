@@ -54,7 +54,7 @@ def test_node_info_of_an_unknown_node(server, run):
     assert err == "Unable to find node '/othr'\n  hint: did you mean /other?\n"
 
 
-def test_nodes_of_one_name_are_warned_of(run, monkeypatch):
+def test_nodes_with_the_same_name_cause_a_warning(run, monkeypatch):
     there = [
         RegistryEntry(1, "n.py", "/home", 0.0, nodes=("/twin", "/one")),
         RegistryEntry(2, "n.py", "/home", 0.0, nodes=("/twin",)),
@@ -119,7 +119,7 @@ def test_names_with_a_hidden_part_are_listed_and_counted_on_request_only(
         assert run(*listing, count, option) == (0, f"{len(everything)}\n", "")
 
 
-def test_lists_of_nothing_print_nothing_and_count_0(run, monkeypatch):
+def test_empty_lists_print_nothing_and_count_0(run, monkeypatch):
     monkeypatch.setattr("taskrpc.cli.shared.graph.look", lambda remote: [])
     for kind in ("node", "service", "topic"):
         assert run(kind, "list") == (0, "", "")

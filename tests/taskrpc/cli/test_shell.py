@@ -1,4 +1,4 @@
-"""A shell that has read the definitions of `taskrpc shell` runs `ros2` lines and completes them."""
+"""A shell with the definitions of `taskrpc shell` runs and completes `ros2` lines."""
 
 import os
 import shutil
@@ -39,7 +39,7 @@ def test_powershell_gets_a_function_that_splats_its_arguments(capsys):
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not here")
-def test_bash_knows_what_tutorials_need_and_leaves_a_real_colcon_alone(tmp_path, capsys):
+def test_bash_defines_the_commands_of_tutorials_but_no_existing_colcon(tmp_path, capsys):
     assert main(["shell", "bash"]) == 0
     definition = capsys.readouterr().out
     for name in ("taskrpc", "colcon"):
@@ -62,7 +62,7 @@ def test_bash_knows_what_tutorials_need_and_leaves_a_real_colcon_alone(tmp_path,
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not here")
-def test_bash_has_taskrpc_itself_in_the_background_and_takes_the_line_twice(tmp_path, capsys):
+def test_bash_runs_taskrpc_itself_in_the_background_and_accepts_the_line_twice(tmp_path, capsys):
     assert main(["shell", "bash"]) == 0
     (tmp_path / "definition").write_text(capsys.readouterr().out)
     (tmp_path / "taskrpc").write_text('#!/bin/sh\n[ "$1" = shell ] || echo $$\ncat definition\n')
@@ -124,6 +124,6 @@ def test_a_shell_without_the_extra_says_how_to_get_completion(monkeypatch, capsy
     assert last == "# completion with TAB needs argcomplete: pip install argcomplete"
 
 
-def test_a_shell_must_be_named(capsys):
+def test_shell_name_is_required(capsys):
     assert main(["shell"]) == 2
     assert "shell" in capsys.readouterr().err

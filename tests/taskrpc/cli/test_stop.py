@@ -20,7 +20,7 @@ pytestmark = pytest.mark.real_time
 ADD = "example_interfaces/srv/AddTwoInts"
 
 
-def test_ps_says_who_runs_where_since_when_and_what_for(server, run):
+def test_ps_prints_script_folder_start_and_services(server, run):
     heading, row = run("ps")[1].splitlines()
     assert heading.split() == ["PID", "SINCE", "DOMAIN", "SCRIPT", "FOLDER", "SERVICES"]
     assert row.startswith(str(server.process.pid))
@@ -33,12 +33,12 @@ def test_ps_says_who_runs_where_since_when_and_what_for(server, run):
     assert 0 <= time.time() - facts["since"] < 600
 
 
-def test_ps_with_nobody_running(run):
+def test_ps_without_programs_prints_an_empty_array(run):
     assert run("ps", "--json") == (0, "[]\n", "")
 
 
 @pytest.mark.parametrize("name", ["17", "adder", "adder.py", "/other", "other", "/add", "add"])
-def test_a_program_is_meant_by_pid_script_node_or_service(name):
+def test_program_is_selected_by_pid_script_node_or_service(name):
     service = ServiceEndpoint("/add", ADD, "", "/other")
     entry = RegistryEntry(17, "adder.py", "/home", 0.0, nodes=("/other",), services=(service,))
     assert Process(0, (entry,)).is_meant_by(name)
@@ -48,7 +48,7 @@ def test_a_program_is_meant_by_pid_script_node_or_service(name):
 @pytest.mark.parametrize(
     "name", ["server.py", "server", "08_debugging/server.py", "/home/a/08_debugging/server.py"]
 )
-def test_a_script_is_meant_by_the_end_of_its_path_wherever_it_was_started(name):
+def test_script_is_selected_by_the_end_of_its_path(name):
     entry = RegistryEntry(42, "08_debugging/server.py", "/home/a", 0.0)
     assert Process(0, (entry,)).is_meant_by(name)
     assert not Process(0, (entry,)).is_meant_by("erver.py")
@@ -61,12 +61,12 @@ def test_stop_ends_the_only_program(own_server, run):
     assert own_server.process.wait(30) == (15 if sys.platform == "win32" else 0)
 
 
-def test_stop_all_and_then_nobody_is_left(own_server, run):
+def test_stop_all_ends_all_programs(own_server, run):
     assert run("stop", "--all")[0] == 0
     assert run("stop", "--all") == (0, "no taskrpc program is running\n", "")
 
 
-def test_stop_of_a_stranger_ends_nobody(server, run):
+def test_stop_of_an_unknown_name_ends_no_program(server, run):
     code, out, err = run("stop", str(os.getpid()))
     assert (code, out) == (1, "")
     assert f"there are adder.py (pid {server.process.pid})" in err
@@ -101,9 +101,7 @@ taskrpc.run(main())
 
 
 @pytest.mark.skipif(os.name != "posix", reason="on Windows nobody is asked to end")
-def test_a_program_that_still_answers_calls_is_told_from_one_that_is_stuck(
-    tmp_path, run, monkeypatch
-):
+def test_draining_program_and_hanging_program_are_distinguished(tmp_path, run, monkeypatch):
     monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 1.0)
     (tmp_path / "slow.py").write_text(SLOW, encoding="utf-8")
     call = [sys.executable, "-m", "taskrpc.cli.call", "/sleep", "--timeout", "60"]

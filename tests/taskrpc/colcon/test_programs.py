@@ -1,4 +1,4 @@
-"""A folder's programs become modules of a package and can still be started."""
+"""The programs of a folder become modules of a package and can still be started."""
 
 import ast
 

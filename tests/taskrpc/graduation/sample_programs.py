@@ -1,4 +1,4 @@
-"""The source of programs to check: a node with an adder's client, and parts to put into it."""
+"""Source texts of programs to check: a node with a client, and parts to insert."""
 
 NODE = """import time
 import rclpy

@@ -38,7 +38,7 @@ from tests.taskrpc.graduation.sample_programs import REQUEST, SERVICE, method, p
         (program(main="cmd = 'ros2 service list --json'"), "--json; the ros2 commands do not"),
     ],
 )
-def test_what_rclpy_rejects_is_reported(graduate, text, what):
+def test_calls_and_values_that_rclpy_rejects_are_reported(graduate, text, what):
     found = graduate(text)
     assert [line for line in found if what in line], found
     assert all(line.startswith("program.py:") for line in found)

@@ -1,4 +1,4 @@
-"""Messages to and from dicts, YAML and lines of values, as programs for ROS make them."""
+"""Conversions of messages to and from dicts, YAML and comma-separated values."""
 
 from collections import OrderedDict
 
@@ -44,7 +44,7 @@ def test_a_message_is_a_dict_with_its_fields_in_order():
     assert (numbers, type(numbers)) == ([1, 2], list)
 
 
-def test_a_message_is_yaml_in_order_and_on_one_line_where_that_is_wanted():
+def test_message_is_yaml_in_order_and_on_one_line_with_flow_style():
     message = Log(stamp=Time(sec=1), name="robot", msg="it's late")
     text = message_to_yaml(message)
     assert text.splitlines()[:3] == ["stamp:", "  sec: 1", "  nanosec: 0"]
@@ -114,7 +114,7 @@ def test_a_wrong_value_is_refused(values, kind, problem):
         set_message_fields(BasicTypes(), values)
 
 
-def test_now_and_auto_stand_for_a_time_where_that_is_allowed():
+def test_now_and_auto_stand_for_a_time_if_allowed():
     message = PoseStamped()
     setters = set_message_fields(message, {"header": "auto"}, True, True)
     setters += set_message_fields(

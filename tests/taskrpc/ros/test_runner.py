@@ -1,4 +1,4 @@
-"""`taskrpc run` runs an unmodified ROS program, and ends as Python would."""
+"""`taskrpc run` runs an unmodified ROS program, and ends as Python does."""
 
 import shlex
 import shutil
@@ -116,7 +116,7 @@ def test_a_program_ends_with_its_own_status(run):
     assert run("import sys\nsys.exit(7)\n")[0] == 7
 
 
-def test_a_program_is_compiled_and_found_as_python_itself_does(run):
+def test_program_is_compiled_and_found_as_by_python_itself(run):
     source = (
         "# -*- coding: latin-1 -*-\n"
         "import sys, os\n"
@@ -146,7 +146,7 @@ def test_messages_of_a_program_are_as_in_ros(run, monkeypatch):
     assert run(source) == (0, f"0.5 True\nTrue\n{told}\n", "")
 
 
-def test_an_exception_shows_the_program_and_nothing_of_us(run):
+def test_traceback_shows_only_frames_of_the_program(run):
     code, _, error = run("def f():\n    1/0\n\nf()\n")
     assert code == 1
     assert error.splitlines()[:2] == [
@@ -186,7 +186,7 @@ def test_exit_functions_run_and_output_is_written_before_a_program_dies_of_ctrl_
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
-def test_a_second_ctrl_c_ends_the_end_without_a_word(tmp_path):
+def test_second_ctrl_c_ends_the_program_silently(tmp_path):
     source = (
         "import rclpy, atexit, time\n"
         "def end():\n    print(2, flush=True)\n    time.sleep(60)\n"
@@ -203,7 +203,7 @@ def test_a_second_ctrl_c_ends_the_end_without_a_word(tmp_path):
     assert process.returncode == -signal.SIGINT
 
 
-def test_a_program_that_is_not_there_is_told_in_a_line(run):
+def test_missing_program_is_one_line(run):
     command = [sys.executable, "-m", "taskrpc", "run"]
     for arguments, line in (
         (["nope.py"], "cannot run nope.py: No such file or directory\n"),
@@ -264,12 +264,12 @@ INTERRUPTED = 130 if sys.platform == "win32" else -signal.SIGINT
 """The status of a program that did not catch its KeyboardInterrupt, as Python's own."""
 
 
-def test_an_executable_of_a_workspace_runs_as_it_lies_there(workspace):
+def test_executable_of_a_workspace_runs_from_its_source(workspace):
     for folder in (".", "src/my_things"):
         assert workspace("nodes", "ask", "-x", folder=folder) == (3, _SAID + _FAILED, "")
 
 
-def test_how_an_executable_failed_is_said_as_ros2_run_says_it(workspace, tmp_path):
+def test_failed_executable_prints_the_line_of_ros2_run(workspace, tmp_path):
     file = tmp_path / "ws/src/nodes/nodes/ask.py"
     for end, status, said in (
         ("return", 0, ""),
@@ -287,7 +287,7 @@ def test_a_file_of_a_package_finds_the_packages_beside_its_own(workspace, tmp_pa
     assert workspace(script, "-x", folder="../elsewhere") == (0, _SAID, "")
 
 
-def test_a_package_or_executable_that_is_not_there_is_told_in_a_line(workspace):
+def test_missing_package_or_executable_is_one_line(workspace):
     for arguments, start in (
         (["nodez", "ask"], "Package 'nodez' not found\n  hint: expected a package.xml"),
         (["nodes", "asc"], "No executable found\n  hint: nodes has ask; got 'asc'"),
@@ -298,7 +298,7 @@ def test_a_package_or_executable_that_is_not_there_is_told_in_a_line(workspace):
         assert error.startswith(start)
 
 
-def test_a_package_whose_sources_lie_in_a_folder_of_its_own_runs(workspace, tmp_path):
+def test_package_with_sources_in_a_subfolder_runs(workspace, tmp_path):
     package = tmp_path / "ws" / "src" / "inner"
     (package / "src" / "inner").mkdir(parents=True)
     (package / "package.xml").write_text("<package><name>inner</name></package>")

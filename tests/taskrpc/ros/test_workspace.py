@@ -1,4 +1,4 @@
-"""Packages of a workspace are found from wherever a program of it lies or is started."""
+"""The packages of a workspace are found from a program's folder and from the working directory."""
 
 import pytest
 
@@ -48,7 +48,7 @@ def test_packages_behind_links_are_found_once_and_loops_of_links_end(make, tmp_p
     assert [name for name, _ in found] == ["one", "two"]
 
 
-def test_a_folder_without_end_is_not_searched_for_ever(make, monkeypatch):
+def test_search_in_a_huge_folder_ends(make, monkeypatch):
     monkeypatch.setattr(workspace, "_MOST", 20)
     ws = make("zz", *(f"many/{number}/deep/pkg" for number in range(30)))
     assert list(workspace.packages(ws)) == ["zz"]
@@ -71,7 +71,7 @@ def test_a_program_s_own_package_needs_no_manifest(tmp_path):
     assert workspace.roots(node.parent) == [tmp_path / "group"]
 
 
-def test_what_was_built_or_is_ignored_is_left_out(make):
+def test_built_and_ignored_folders_are_left_out(make):
     ws = make("one", "build/two", "not/three", "four")
     (ws / "src" / "not" / "COLCON_IGNORE").touch()
     (ws / "src" / "four" / "AMENT_IGNORE").touch()

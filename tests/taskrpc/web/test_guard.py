@@ -1,4 +1,4 @@
-"""A page is shown to who asks for this server by a name of its own, looks only, and may."""
+"""A request is answered if it names this server, only reads, and has a valid token."""
 
 import pytest
 from hypothesis import given
@@ -20,7 +20,7 @@ def asked(host="127.0.0.1:8080", method="GET", **more):
 
 @pytest.mark.parametrize("host", [*HERE, "LOCALHOST:8080", "[::1]:8080"])
 @pytest.mark.parametrize("method", ["GET", "HEAD"])
-def test_whoever_looks_from_this_machine_is_let_in(host, method):
+def test_request_for_a_name_of_this_machine_is_accepted(host, method):
     assert status(asked(host, method)) == 200
 
 
@@ -44,17 +44,17 @@ def test_request_for_a_foreign_host_name_is_refused(host):
 
 
 @given(st.text())
-def test_no_other_host_is_ever_let_in(host):
+def test_any_other_host_is_refused(host):
     assert (status(asked(host)) == 200) == (host.lower() in HERE)
 
 
 @pytest.mark.parametrize("hosts", [[], ["127.0.0.1:8080", "127.0.0.1:8080"]])
-def test_a_request_names_one_host(hosts):
+def test_request_without_exactly_one_host_is_refused(hosts):
     assert status(Head("GET", hosts)) == 400
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "PATCH", "CONNECT", "get"])
-def test_whoever_does_more_than_look_is_refused(method):
+def test_methods_other_than_get_and_head_are_refused(method):
     assert status(asked(method=method)) == 405
 
 
@@ -69,26 +69,26 @@ def test_whoever_does_more_than_look_is_refused(method):
         ("", 403),
     ],
 )
-def test_a_page_from_elsewhere_gets_nothing(origin, expected):
+def test_request_from_a_page_of_another_server_is_refused(origin, expected):
     assert status(asked(origins=[origin])) == expected
 
 
-def test_one_good_origin_does_not_excuse_a_bad_one():
+def test_one_foreign_origin_among_several_is_refused():
     assert status(asked(origins=["http://127.0.0.1:8080", "null"])) == 403
 
 
-def test_the_usual_port_need_not_be_named():
+def test_default_port_may_be_omitted():
     guard = Guard(["robot:443"], encrypted=True)
     assert guard.refusal(Head("GET", ["robot"])) is None
     assert Guard(["robot:443"]).refusal(Head("GET", ["robot"])) is not None
 
 
-def test_the_address_at_which_a_request_arrived_is_a_name_too():
+def test_local_address_of_the_connection_is_accepted():
     assert status(asked("10.0.0.7:8080", local="10.0.0.7:8080")) == 200
     assert status(asked("10.0.0.8:8080", local="10.0.0.7:8080")) == 421
 
 
-def test_beyond_this_machine_its_name_is_one_of_ours():
+def test_server_on_the_network_accepts_the_name_of_the_machine():
     names = own_names("0.0.0.0", 1, machine="robot")
     assert {"robot:1", "robot.local:1", "localhost:1"} <= set(names)
 
@@ -106,11 +106,11 @@ def test_beyond_this_machine_its_name_is_one_of_ours():
         (["Bearer secret", "Bearer secret"], 401),
     ],
 )
-def test_where_a_secret_is_wanted_only_the_right_one_helps(authorizations, expected):
+def test_only_the_correct_token_is_accepted(authorizations, expected):
     head = asked(authorizations=authorizations)
     assert status(head, may_look="secret".__eq__) == expected
 
 
-def test_a_wrong_host_learns_nothing_of_the_secret():
+def test_wrong_host_is_refused_before_the_token_is_checked():
     head = asked("evil.example", authorizations=["Bearer secret"])
     assert status(head, may_look=pytest.fail) == 421

@@ -1,4 +1,4 @@
-"""The web server over real sockets: pages, refusals, TLS, and strangers who say nothing."""
+"""The web server over real sockets: pages, refusals, TLS, and silent connections."""
 
 import asyncio
 import contextlib
@@ -53,7 +53,7 @@ async def test_page_is_shown_and_not_cached(web):
     assert headers["Server"] == "taskrpc"
 
 
-async def test_no_answer_invites_pages_from_elsewhere(web):
+async def test_no_response_allows_pages_of_other_servers(web):
     for options in ({}, {"headers": {"Origin": "http://evil.example"}}, {"method": "OPTIONS"}):
         _, headers, _ = await fetch(f"{web.url}/hello", **options)
         assert not [name for name in headers if name.lower().startswith("access-control")]
@@ -78,14 +78,14 @@ async def test_unknown_path_gets_a_list_of_the_pages(web):
         (b"\x16\x03\x01 this is TLS\r\n\r\n", b"400"),
     ],
 )
-async def test_a_request_that_is_refused_gets_a_status_and_the_end(web, head, status):
+async def test_refused_request_gets_a_status_and_the_connection_is_closed(web, head, status):
     answer = await raw(web, head)
     assert answer.startswith((b"HTTP/1.1 " + status, b"HTTP/1.0 " + status))
     assert b"hello" not in answer.partition(b"\r\n\r\n")[2]
     assert b"Traceback" not in answer
 
 
-async def test_a_page_that_fails_shows_nothing_of_the_inside(caplog):
+async def test_failed_page_shows_no_internals(caplog):
     async def broken():
         raise OSError("/home/secret")
 
@@ -96,7 +96,7 @@ async def test_a_page_that_fails_shows_nothing_of_the_inside(caplog):
     assert "OSError: /home/secret" in caplog.text
 
 
-async def test_who_says_nothing_loses_his_place(web, monkeypatch):
+async def test_silent_connection_is_closed(web, monkeypatch):
     monkeypatch.setattr(server, "REQUEST_TIMEOUT", 0.1)
     assert await raw(web, b"GET /hello HTTP/1.1\r\nHo") == b""
 
@@ -109,7 +109,7 @@ async def test_who_says_nothing_loses_his_place(web, monkeypatch):
         b"POST /hello HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\n1",
     ],
 )
-async def test_hundreds_of_unfinished_requests_keep_no_page_waiting(web, unfinished, monkeypatch):
+async def test_hundreds_of_unfinished_requests_do_not_delay_a_page(web, unfinished, monkeypatch):
     monkeypatch.setattr(server, "REQUEST_TIMEOUT", 1_000)
     host, _, port = web.url.rpartition("/")[2].rpartition(":")
     unfinished_ones = []
@@ -123,7 +123,7 @@ async def test_hundreds_of_unfinished_requests_keep_no_page_waiting(web, unfinis
         writer.close()
 
 
-async def test_a_page_that_is_being_made_is_not_cut_off_for_new_connections(monkeypatch):
+async def test_page_in_progress_is_not_closed_for_new_connections(monkeypatch):
     monkeypatch.setattr(server, "MAX_CONNECTIONS", 2)
     asked, go_on = asyncio.Event(), asyncio.Event()
 
@@ -180,7 +180,7 @@ def test_without_tls_and_a_token_it_listens_on_this_machine_only(host, secret):
         WebServer({}, listen=f"{host}:0", may_look=secret)
 
 
-async def test_an_address_that_is_taken_is_said(web):
+async def test_address_in_use_is_reported(web):
     taken = web.url.removeprefix("http://")
     with pytest.raises(taskrpc.CannotListen, match="cannot listen at"):
         await WebServer({}, listen=taken).start()
@@ -199,7 +199,7 @@ def tls(authority, tmp_path):
     return taskrpc.Tls(cert=tmp_path / "cert.pem", key=tmp_path / "key.pem")
 
 
-async def test_beyond_this_machine_it_speaks_tls_and_wants_the_token(authority, tls):
+async def test_server_on_the_network_needs_tls_and_a_token(authority, tls):
     trusting = ssl.create_default_context()
     authority.configure_trust(trusting)
     pages, may_look = {"/hello": hello}, "secret".__eq__

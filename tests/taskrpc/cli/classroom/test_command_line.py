@@ -1,4 +1,4 @@
-"""`taskrpc classroom`, `join` and `leave`: what they print, and what they say to mistakes."""
+"""The output and the errors of `taskrpc classroom`, `join` and `leave`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def make(say):
     return _make
 
 
-def test_without_students_there_is_one_string_for_all(make):
+def test_class_without_students_has_one_join_string(make):
     (line,) = make()
     found = from_join_string(line)
     assert found.places == ("192.0.2.7:7450",)
@@ -44,11 +44,11 @@ def test_without_students_there_is_one_string_for_all(make):
     assert found.expires - time.time() == pytest.approx(180 * 86_400, abs=60)
 
 
-def test_again_it_prints_the_same_ones(make):
+def test_second_run_prints_the_same_join_strings(make):
     assert make("--students", "2") == make()
 
 
-def test_a_file_of_students_gives_each_a_string_behind_the_name(make, tmp_path):
+def test_file_of_students_gives_each_name_a_join_string(make, tmp_path):
     names = tmp_path / "names.txt"
     names.write_text("ada\n\n  grace \n", encoding="utf-8")
     found = dict(line.split() for line in make("--students", str(names), "--port", "7451"))
@@ -84,9 +84,7 @@ def test_names_in_any_script_are_shown_as_written(make, say, tmp_path):
         (b"\xff\xfe\x00", "names.txt: expected UTF-8 text"),
     ],
 )
-def test_a_mistake_among_the_names_makes_no_accounts_and_is_told_with_its_line(
-    say, tmp_path, text, message
-):
+def test_invalid_name_is_reported_with_its_line_and_adds_no_account(say, tmp_path, text, message):
     names = tmp_path / "names.txt"
     names.write_bytes(text)
     where = "--address", "192.0.2.7", "--students", str(names)
@@ -94,7 +92,7 @@ def test_a_mistake_among_the_names_makes_no_accounts_and_is_told_with_its_line(
     assert command_line._register().accounts() == []
 
 
-def test_the_lines_of_a_class_are_not_shown_while_its_server_is_started(make, monkeypatch, capsys):
+def test_existing_join_strings_are_not_shown_when_the_server_starts(make, monkeypatch, capsys):
     served = []
     monkeypatch.setattr("taskrpc.cli.server.main", lambda argv: served.append(argv) or 0)
     assert make("--serve", "--speed", "2") != [], "the one of all is for the projector"
@@ -111,7 +109,7 @@ def test_the_certificate_stays_until_it_is_renewed(make):
     assert first == again != renewed
 
 
-def test_one_who_comes_later_and_one_who_goes(make, say):
+def test_students_are_added_and_revoked_later(make, say):
     make("--students", "2")
     assert from_join_string(say("classroom", "add", "eve")).token.startswith("eve.")
     assert say("classroom", "revoke", "student1") == "student1 is revoked\n"
@@ -126,7 +124,7 @@ def test_the_addresses_of_this_machine_are_found(say, monkeypatch):
     assert found.places == ("10.1.2.3:7450", "192.168.5.6:7450")
 
 
-def test_a_machine_without_a_network_is_told(say, monkeypatch):
+def test_machine_without_a_network_is_reported(say, monkeypatch):
     monkeypatch.setattr(register, "_outgoing", list)
     monkeypatch.setattr(register, "_of_host_name", lambda: ["127.0.1.1"])
     said = say("classroom", code=1)
@@ -151,12 +149,12 @@ def test_a_machine_without_a_network_is_told(say, monkeypatch):
         (("add", "ada"), 1, "there is no class yet: `taskrpc classroom` makes one"),
     ],
 )
-def test_a_mistake_is_one_sentence(say, argv, code, message, monkeypatch, tmp_path):
+def test_mistake_prints_one_sentence(say, argv, code, message, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     assert message in say("classroom", "--address", "192.0.2.7", *argv, code=code)
 
 
-def test_without_the_extra_one_sentence_has_the_pip_command(say, monkeypatch):
+def test_missing_cryptography_prints_the_pip_command(say, monkeypatch):
     monkeypatch.setitem(sys.modules, "cryptography", None)
     said = say("classroom", "--address", "192.0.2.7", code=1)
     assert said.splitlines()[-1] == (
@@ -165,7 +163,7 @@ def test_without_the_extra_one_sentence_has_the_pip_command(say, monkeypatch):
 
 
 @pytest.mark.real_time
-def test_the_roster_tells_who_has_called_and_who_is_out(make, say):
+def test_roster_shows_last_calls_and_revoked_students(make, say):
     make("--students", "3")
     register = command_line._register()
     attendance = Attendance(register.attendance_file, lambda: 1_700_000_000.0)

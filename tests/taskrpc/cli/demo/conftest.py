@@ -16,7 +16,7 @@ def on_virtual_time(main):
 
 
 class Seen:
-    """The whole story, seen once by all tests."""
+    """One run of the story, which all tests share."""
 
     def __init__(self):
         self.lines = []

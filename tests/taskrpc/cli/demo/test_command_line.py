@@ -17,7 +17,7 @@ from taskrpc.cli.shared.parsing import Parser
 from tests.taskrpc.cli.demo.conftest import on_virtual_time
 
 
-def test_the_demo_leaves_no_file_and_is_seen_by_nobody():
+def test_demo_leaves_no_file_and_is_invisible_to_other_programs():
     async def main():
         async with open_stage() as stage, taskrpc.Node("student") as node:
             await stage.until(1.0)
@@ -34,7 +34,7 @@ def options(*argv):
 
 
 @pytest.mark.parametrize("speed", ["0", "0.4", "21", "nan", "fast"])
-def test_a_speed_at_which_the_demo_would_be_dull_or_inexact_is_refused(speed):
+def test_speed_out_of_range_is_refused(speed):
     with pytest.raises(UsageError, match=r"expected a number from 0\.5 to 20"):
         options("--speed", speed)
 
@@ -44,7 +44,7 @@ def in_virtual_time(monkeypatch):
     monkeypatch.setattr(asyncio, "run", lambda main: on_virtual_time(lambda: main))
 
 
-def test_the_command_prints_the_story_the_summary_and_what_to_try_next(in_virtual_time, capsys):
+def test_command_prints_story_summary_and_next_steps(in_virtual_time, capsys):
     assert command_line.run(options("--plain")) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith(

@@ -11,13 +11,13 @@ from taskrpc.cli.demo import story
 from taskrpc.cli.demo.estimates import EstimateCheck, are_right, check_estimates, summary
 
 
-def test_an_estimate_that_is_wrong_is_said_to_be_wrong():
+def test_wrong_estimate_is_reported_as_wrong():
     rows = check_estimates([ended(1, promised=10.0, actual=10.6), ended(2)], speed=2)
     assert not are_right(rows)
     assert "These estimates were wrong by more than 5 %: task 1 by +0.60 s." in summary(rows)
 
 
-def test_an_estimate_that_late_timers_spoiled_is_not_called_right():
+def test_estimate_with_late_timers_is_not_reported_as_right():
     rows = check_estimates([ended(1, promised=10.0, actual=10.2), ended(2)], speed=2)
     assert are_right(rows), "nobody planned wrongly"
     text = "\n".join(summary(rows))
@@ -26,12 +26,12 @@ def test_an_estimate_that_late_timers_spoiled_is_not_called_right():
 
 
 @pytest.mark.parametrize("excuse", ["task 1 took longer than planned", "the task server was late"])
-def test_that_a_task_took_longer_is_no_excuse_for_its_estimate(excuse):
+def test_task_that_took_longer_than_planned_has_a_wrong_estimate(excuse):
     rows = check_estimates([ended(1, promised=10.0, actual=15.0, changes=[(5.0, excuse)])], speed=2)
     assert not are_right(rows)
 
 
-def test_an_estimate_that_moved_without_a_named_cause_is_wrong():
+def test_estimate_that_changed_without_a_named_cause_is_wrong():
     named = ended(promised=10.0, actual=15.0, changes=[(5.0, "task 2, priority 10, went ahead")])
     assert are_right(check_estimates([named], speed=2))
     assert not are_right(check_estimates([ended(promised=10.0, actual=15.0)], speed=2))
@@ -45,13 +45,13 @@ def test_right_means_within_one_percent_or_ten_milliseconds(actual, share):
         assert row.is_right == (off <= max(0.01, 0.01 * actual))
 
 
-def test_a_task_that_failed_spoils_the_demo():
+def test_failed_task_fails_the_demo():
     rows = check_estimates([ended(1), ended(2, state="FAILED")], speed=2)
     assert not are_right(rows)
     assert any(line.startswith("Task 2 ended FAILED") for line in summary(rows))
 
 
-def test_without_a_task_that_ran_nothing_is_right():
+def test_demo_without_a_task_that_ran_fails():
     rows = check_estimates([ended(state="CANCELED", started=0.0)], speed=2)
     assert not are_right(rows)
     assert "No task ran." in summary(rows)

@@ -18,7 +18,7 @@ WORLD = default_world()
     st.floats(0, 10), st.floats(0, 8), st.floats(-math.pi, math.pi), st.integers(5, 120),
     st.sampled_from([UNICODE, ASCII]),
 )  # fmt: skip
-def test_there_is_one_robot_in_a_picture_of_the_size_asked_for(x, y, theta, columns, signs):
+def test_picture_has_the_requested_size_and_one_robot(x, y, theta, columns, signs):
     columns, rows = fitting(WORLD, columns, 60)
     picture = FloorPlan(WORLD, columns, rows, signs).picture(Pose(x, y, theta), [(y, x)])
     assert len(picture) == rows
@@ -37,7 +37,7 @@ def test_there_is_one_robot_in_a_picture_of_the_size_asked_for(x, y, theta, colu
         (45, "↗", None),
     ],
 )
-def test_the_robot_looks_where_it_heads(degrees, unicode, ascii_):
+def test_robot_is_drawn_with_its_heading(degrees, unicode, ascii_):
     pose = Pose(5.0, 4.0, math.radians(degrees))
     for signs, expected in ((UNICODE, unicode), (ASCII, ascii_)):
         picture = FloorPlan(WORLD, 40, 16, signs).picture(pose)
@@ -50,7 +50,7 @@ def test_the_origin_is_in_the_lower_left_corner():
     assert picture[15][0].role == ROBOT
 
 
-def test_walls_and_boxes_stand_where_the_map_has_them():
+def test_walls_and_boxes_are_drawn_at_their_positions():
     world = World(
         (4.0, 2.0),
         dock=(0.5, 0.5),

@@ -50,7 +50,7 @@ def frame(columns, rows, encoding="utf-8", *, at=24.0):
     return on_virtual_time(main)
 
 
-def test_the_picture_shows_clients_queue_robot_and_news():
+def test_picture_shows_clients_queue_robot_and_events():
     lines = frame(80, 24)
     text = "\n".join(lines)
     assert "client_2 scan central 10 -> task 7" in text
@@ -63,7 +63,7 @@ def test_the_picture_shows_clients_queue_robot_and_news():
 
 @pytest.mark.parametrize("encoding", ["utf-8", "cp1252"])
 @pytest.mark.parametrize("size", [(80, 24), SMALLEST, (76, 20), (75, 50), (200, 60), (300, 21)])
-def test_the_picture_fills_the_terminal_and_no_more_in_its_encoding(size, encoding):
+def test_picture_exactly_fills_the_terminal_in_its_encoding(size, encoding):
     columns, rows = size
     lines = frame(columns, rows, encoding)
     assert len(lines) <= rows
@@ -72,7 +72,7 @@ def test_the_picture_fills_the_terminal_and_no_more_in_its_encoding(size, encodi
     assert "move station_1" in "\n".join(lines)
 
 
-async def test_nothing_is_drawn_just_before_a_task_ends_so_that_its_end_is_noticed_in_time():
+async def test_nothing_is_drawn_just_before_a_task_ends():
     terminal = console(80, 24)
     async with open_stage(speed=20) as stage:
         picture = Picture(terminal, stage)

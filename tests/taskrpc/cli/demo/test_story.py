@@ -34,7 +34,7 @@ def test_all_three_clients_have_tasks_of_their_own(seen):
     assert {task.client for task in seen.tasks} == {"/client_1", "/client_2", "/client_3"}
 
 
-def test_a_refusal_a_cancel_and_changed_estimates_with_their_causes_are_told(seen):
+def test_refusal_cancel_and_changed_estimates_are_reported(seen):
     told = [line.text for line in seen.lines]
     assert "fly moon 9 -> Invalid task: fly (expected move, scan or report)" in told
     assert any(text.startswith("cancel task 6 -> Task 6 was cancelled") for text in told)
@@ -42,7 +42,7 @@ def test_a_refusal_a_cancel_and_changed_estimates_with_their_causes_are_told(see
     assert any(text.endswith(" s: task 6 was cancelled") for text in told)
 
 
-def test_what_happens_is_told_in_the_order_of_time_in_plain_ascii(seen):
+def test_events_are_reported_in_order_of_time_in_ascii(seen):
     times = [line.at for line in seen.lines]
     assert times == sorted(times)
     assert all(line.text.isascii() for line in seen.lines)
@@ -55,7 +55,7 @@ def test_every_estimate_plus_its_named_changes_is_the_actual_time_within_ten_mil
     assert are_right(rows)
 
 
-def test_the_accounts_agree_with_the_clock_that_the_lines_were_told_by(seen):
+def test_estimate_checks_agree_with_the_times_of_the_lines(seen):
     for row in check_estimates(seen.tasks, story.SPEED):
         number = row.task.task_id
         asked = next(line.at for line in seen.lines if f"(task {number}," in line.text)
@@ -68,7 +68,7 @@ def test_the_accounts_agree_with_the_clock_that_the_lines_were_told_by(seen):
 
 
 @pytest.mark.parametrize("speed", [0.5, 20.0])
-def test_estimates_are_right_at_every_speed_that_may_be_chosen(speed):
+def test_estimates_are_right_at_every_allowed_speed(speed):
     async def main():
         async with open_stage(speed=speed) as stage:
             return check_estimates(await perform(stage), speed)
@@ -86,7 +86,7 @@ def test_a_script_that_ends_after_its_tasks_ends_too():
     assert [task.state for task in on_virtual_time(main)] == ["SUCCEEDED"]
 
 
-def test_a_story_in_which_something_is_refused_that_must_not_be_does_not_hang():
+def test_story_with_an_unexpected_refusal_does_not_hang():
     script = [Submit(0, "client_1", "report", "dock", 1), Cancel(5, "client_1")]
 
     async def main():

@@ -1,4 +1,4 @@
-"""`taskrpc doctor` asks servers how they are; the docs show that it does so on this machine too."""
+"""`taskrpc doctor` calls the health services of servers; the docs show it on this machine."""
 
 import time
 
@@ -30,27 +30,27 @@ def node():
 
 
 @pytest.mark.parametrize(("success", "line"), [(True, "ok      "), (False, "problem ")])
-def test_what_a_server_says_of_itself_is_told(node, capsys, success, line):
+def test_response_of_a_health_service_is_reported(node, capsys, success, line):
     offered(node, success=success, message="this and that")
     assert main(["doctor", node.address]) == (0 if success else 1)
     assert f"{line} /lab/health: this and that\n" in capsys.readouterr().out
 
 
-def test_only_triggers_named_health_are_asked(node, capsys):
+def test_only_trigger_services_named_health_are_called(node, capsys):
     offered(node, name="lab/reset", message="it was reset!")
     offered(node, name="lab/health", srv_type=srvgen.load("std_srvs/srv/Empty"))
     assert main(["doctor", node.address]) == 0
     assert "reset!" not in capsys.readouterr().out
 
 
-def test_a_server_that_does_not_say_is_a_problem(node, capsys, monkeypatch):
+def test_health_service_that_does_not_respond_is_a_problem(node, capsys, monkeypatch):
     monkeypatch.setattr(checks, "LISTING_TIMEOUT", 0.1)
     node.create_service(Trigger, "lab/health", lambda request, response: time.sleep(0.5))
     assert main(["doctor", node.address]) == 1
     assert "/lab/health does not answer: no answer by the deadline" in capsys.readouterr().out
 
 
-def test_a_server_that_answers_nothing_is_left_to_who_looked_for_it(capsys, monkeypatch):
+def test_unreachable_server_is_not_reported_again_by_the_health_check(capsys, monkeypatch):
     gone = ServiceEndpoint("/gone/health", "std_srvs/srv/Trigger", Trigger._HASH, "/gone")
 
     async def services(remote):

@@ -1,4 +1,4 @@
-"""`taskrpc doctor` names each cause with what to do about it, and is silent about nothing."""
+"""`taskrpc doctor` reports each problem with its cause and with advice."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def examine(capsys):
     return _examine
 
 
-def test_all_is_well_with_a_server_up(server, capsys):
+def test_no_problems_are_reported_while_a_server_runs(server, capsys):
     assert main(["doctor"]) == 0
     out = capsys.readouterr().out
     assert f"adder.py (pid {server.process.pid}, in {server.folder}) at {server.address}" in out
@@ -36,14 +36,14 @@ def test_all_is_well_with_a_server_up(server, capsys):
     assert all(line.startswith(("ok ", "no problems")) for line in out.splitlines())
 
 
-def test_a_server_that_answers_is_told_step_by_step(server, examine, capsys):
+def test_each_step_to_a_working_server_is_reported(server, examine, capsys):
     assert examine(server.address) == (0, [])
     main(["doctor", server.address])
     out = capsys.readouterr().out
     assert f"{server.address} offers /" in out
 
 
-def test_no_server_is_worth_a_note_but_no_problem(examine):
+def test_missing_server_is_a_note_and_no_problem(examine):
     code, ((state, text, advice),) = examine()
     assert (code, state) == (0, "note")
     assert text == "no program offers a service in domain 0"
@@ -66,20 +66,20 @@ def only_problem(result) -> tuple[str, str]:
     return problems[0]
 
 
-def test_a_server_of_another_domain(server, examine, monkeypatch):
+def test_server_of_another_domain_is_a_problem(server, examine, monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "9")
     text, advice = only_problem(examine(server.address))
     assert "domain 0" in text
     assert "ROS_DOMAIN_ID" in advice
 
 
-def test_a_server_whose_token_is_not_known(session_server, examine):
+def test_missing_token_is_a_problem(session_server, examine):
     text, advice = only_problem(examine(session_server.address))
     assert "its secret is needed" in text
     assert "--token-file" in advice
 
 
-def test_nobody_listens(examine):
+def test_port_without_a_program_is_a_problem(examine):
     with socket.create_server(("127.0.0.1", 0)) as unused:
         port = unused.getsockname()[1]
     text, advice = only_problem(examine(f"127.0.0.1:{port}"))
@@ -87,7 +87,7 @@ def test_nobody_listens(examine):
     assert f"--listen HOST:{port}" in advice
 
 
-def test_something_else_listens(examine):
+def test_foreign_program_at_the_port_is_a_problem(examine):
     with socket.create_server(("127.0.0.1", 0)) as sock:
         threading.Thread(target=_answer_as_a_web_server, args=[sock], daemon=True).start()
         host, port = sock.getsockname()
@@ -104,7 +104,7 @@ def _answer_as_a_web_server(sock: socket.socket) -> None:
             connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
 
 
-def test_a_name_that_nobody_knows(examine, monkeypatch):
+def test_unknown_host_name_is_a_problem(examine, monkeypatch):
     def unknown(*args, **options):
         raise socket.gaierror(-2, "Name or service not known")
 
@@ -114,7 +114,7 @@ def test_a_name_that_nobody_knows(examine, monkeypatch):
     assert "spelling" in advice
 
 
-async def test_a_resolver_that_never_answers_is_not_waited_for(monkeypatch):
+async def test_resolver_without_an_answer_times_out(monkeypatch):
     answer = threading.Event()
     monkeypatch.setattr("socket.getaddrinfo", lambda *args, **options: [answer.wait(10)][:0])
     with pytest.raises(TimeoutError, match=r"no answer within 0\.05 s"):
@@ -122,7 +122,7 @@ async def test_a_resolver_that_never_answers_is_not_waited_for(monkeypatch):
     answer.set()
 
 
-def test_a_host_that_swallows_everything_smells_of_a_firewall(examine, monkeypatch):
+def test_host_that_does_not_answer_gets_advice_about_firewalls(examine, monkeypatch):
     async def hang(*args, **options):
         raise TimeoutError
 
@@ -132,14 +132,14 @@ def test_a_host_that_swallows_everything_smells_of_a_firewall(examine, monkeypat
     assert "firewall" in advice
 
 
-def test_a_wrong_domain(examine, monkeypatch):
+def test_invalid_domain_is_a_problem(examine, monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "many")
     code, found = examine()
     assert code == 1
     assert found[0][1] == "ROS_DOMAIN_ID: expected a number from 0 to 232, got 'many'"
 
 
-def test_a_runtime_folder_that_cannot_be(examine, monkeypatch, tmp_path):
+def test_unusable_runtime_folder_is_a_problem(examine, monkeypatch, tmp_path):
     file = tmp_path / "file"
     file.touch()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(file))
@@ -149,13 +149,15 @@ def test_a_runtime_folder_that_cannot_be(examine, monkeypatch, tmp_path):
     assert "XDG_RUNTIME_DIR" in found[0][2]
 
 
-def test_a_search_path_that_is_not_there(examine, monkeypatch, tmp_path):
+def test_missing_folder_in_the_interface_path_is_a_problem(examine, monkeypatch, tmp_path):
     monkeypatch.setenv("TASKRPC_INTERFACE_PATH", os.pathsep.join([str(tmp_path), "/not/there"]))
     text, _ = only_problem(examine())
     assert text == "TASKRPC_INTERFACE_PATH: expected folders of packages, got /not/there"
 
 
-def test_a_definition_that_differs_from_the_servers(server, examine, monkeypatch, tmp_path):
+def test_definition_that_differs_from_the_server_is_a_problem(
+    server, examine, monkeypatch, tmp_path
+):
     folder = tmp_path / "example_interfaces" / "srv"
     folder.mkdir(parents=True)
     (folder / "AddTwoInts.srv").write_text("int64 a\nint64 b\nint64 c\n---\nint64 sum\n")
@@ -165,13 +167,13 @@ def test_a_definition_that_differs_from_the_servers(server, examine, monkeypatch
     assert "compare the .srv files" in advice
 
 
-def test_what_is_no_address_is_wrong_usage(capsys):
+def test_invalid_address_is_wrong_usage(capsys):
     assert main(["doctor", "robot"]) == 2
     assert "expected HOST:PORT such as 127.0.0.1:7450, got 'robot'" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
-def test_a_server_that_ctrl_z_stopped_is_named_with_how_it_goes_on(
+def test_server_stopped_by_ctrl_z_is_reported_with_the_command_that_continues_it(
     own_server, examine, monkeypatch
 ):
     monkeypatch.setattr("taskrpc.transport.connection.connection.HANDSHAKE_TIMEOUT", 0.3)

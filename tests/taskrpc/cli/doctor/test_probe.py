@@ -1,4 +1,4 @@
-"""`taskrpc doctor HOST:PORT` tells apart what can stand in the way to another machine."""
+"""`taskrpc doctor HOST:PORT` distinguishes the reasons why a connection to a machine fails."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ def authority(tmp_path):
 # Certificates
 
 
-def test_a_certificate_of_an_unknown_authority(diagnose, encrypted, authority):
+def test_certificate_of_an_unknown_authority_is_a_problem(diagnose, encrypted, authority):
     place = encrypted(trustme.CA(), "127.0.0.1")
     text, advice = diagnose(place, "--tls-ca", authority.file)
     assert (
@@ -107,7 +107,7 @@ def test_a_certificate_of_an_unknown_authority(diagnose, encrypted, authority):
     assert "--tls-ca" in advice
 
 
-def test_a_certificate_that_has_expired(diagnose, encrypted, authority):
+def test_expired_certificate_is_a_problem(diagnose, encrypted, authority):
     yesterday = datetime.datetime.now(datetime.UTC) - datetime.timedelta(days=1)
     place = encrypted(authority, "127.0.0.1", not_after=yesterday)
     text, advice = diagnose(place, "--tls-ca", authority.file)
@@ -115,29 +115,27 @@ def test_a_certificate_that_has_expired(diagnose, encrypted, authority):
     assert "clock" in advice
 
 
-def test_a_certificate_of_another_name(diagnose, encrypted, authority):
+def test_certificate_of_another_name_is_a_problem(diagnose, encrypted, authority):
     place = encrypted(authority, "robot.example")
     text, advice = diagnose(place, "--tls-ca", authority.file)
     assert text == f"the certificate of {place} is not for 127.0.0.1"
     assert "a name or an address that the certificate contains" in advice
 
 
-def test_an_encrypted_server_when_nothing_is_known_of_it(diagnose, encrypted, authority):
+def test_encrypted_server_without_a_known_authority_is_a_problem(diagnose, encrypted, authority):
     place = encrypted(authority, "127.0.0.1")
     text, advice = diagnose(place)
     assert text == f"{place} accepts only encrypted connections"
     assert "taskrpc join" in advice
 
 
-def test_a_plain_server_when_an_encrypted_one_is_expected(diagnose, session_server, authority):
+def test_server_without_tls_is_a_problem_if_tls_is_expected(diagnose, session_server, authority):
     text, advice = diagnose(session_server.address, "--tls-ca", authority.file)
     assert text.startswith(f"{session_server.address} accepts no encrypted connections")
     assert "taskrpc classroom --serve" in advice
 
 
-def test_a_lab_that_shows_another_certificate_than_when_it_was_joined(
-    diagnose, encrypted, authority
-):
+def test_changed_certificate_of_a_lab_is_a_problem(diagnose, encrypted, authority):
     place = encrypted(authority, "127.0.0.1")
     before = authority.issue_cert("127.0.0.1").cert_chain_pems[0].bytes().decode()
     lab.remember_lab(lab.Lab(place=place, token="ada.secret", certificate=before))
@@ -146,7 +144,7 @@ def test_a_lab_that_shows_another_certificate_than_when_it_was_joined(
     assert "new string" in advice
 
 
-def test_another_version(diagnose, listening):
+def test_server_of_another_version_is_a_problem(diagnose, listening):
     newer = ProtocolError("this server speaks version 2, the client 1 to 1")
     place = listening(
         lambda connection: (connection.recv(4096), connection.sendall(refusal(newer)))
@@ -159,8 +157,8 @@ def test_another_version(diagnose, listening):
 # Networks
 
 
-def test_a_host_that_swallows_what_comes(diagnose, monkeypatch):
-    """A listener whose backlog is full answers no more than one behind a firewall does."""
+def test_host_that_accepts_no_connection_is_a_problem(diagnose, monkeypatch):
+    """A listener with a full backlog does not answer, like a host behind a firewall."""
     if sys.platform != "linux":
         pytest.skip("other systems refuse where the backlog is full")
     monkeypatch.setattr(probe, "STEP_TIMEOUT", 0.3)
@@ -223,7 +221,7 @@ def in_a_network_of_its_own(tmp_path_factory):
         (2, "no machine answers at 10.8.0.1: ", "the lecturer's hotspot"),
     ],
 )
-def test_how_a_network_fails_says_what_to_do(in_a_network_of_its_own, index, what, to_do):
+def test_each_network_failure_has_its_advice(in_a_network_of_its_own, index, what, to_do):
     text, advice = in_a_network_of_its_own[index]
     assert text.startswith(what)
     assert to_do in advice

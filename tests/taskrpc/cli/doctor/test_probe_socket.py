@@ -1,4 +1,4 @@
-"""`taskrpc doctor unix:/path` tells apart what can stand in the way to a socket's file."""
+"""`taskrpc doctor unix:/path` distinguishes the reasons why a connection to a socket fails."""
 
 from __future__ import annotations
 
@@ -58,26 +58,26 @@ def serving(path):
     thread.join()
 
 
-def test_a_server_that_answers_is_no_problem(serving, path, capsys):
+def test_working_server_is_no_problem(serving, path, capsys):
     problems, said = diagnose(f"unix:{path}", capsys)
     assert problems == []
     assert f"a program listens at {path}" in said
     assert f"unix:{path} offers /add" in said
 
 
-def test_a_path_without_a_socket(path, capsys):
+def test_path_without_a_socket_is_a_problem(path, capsys):
     (((text, advice),), _) = diagnose(f"unix:{path}", capsys)
     assert text == f"there is no socket at {path}: No such file or directory"
     assert f"--listen unix:{path}" in advice
 
 
-def test_a_file_that_is_no_socket(path, capsys):
+def test_file_that_is_no_socket_is_a_problem(path, capsys):
     path.write_text("precious")
     (((text, _),), _) = diagnose(f"unix:{path}", capsys)
     assert text == f"{path} is not a socket"
 
 
-def test_a_server_that_died(path, capsys):
+def test_socket_of_an_ended_server_is_a_problem(path, capsys):
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(path))
     (((text, advice),), _) = diagnose(f"unix:{path}", capsys)
@@ -85,7 +85,7 @@ def test_a_server_that_died(path, capsys):
     assert advice == f"start it again with --listen unix:{path}"
 
 
-def test_something_else_that_listens_there(path, capsys):
+def test_foreign_program_at_the_socket_is_a_problem(path, capsys):
     def hang_up(sock):
         while True:
             try:
@@ -104,7 +104,7 @@ def test_something_else_that_listens_there(path, capsys):
 
 
 @pytest.mark.parametrize("place", ["socket", "folder"])
-async def test_what_is_another_users(path, monkeypatch, place):
+async def test_socket_of_another_user_is_a_problem(path, monkeypatch, place):
     """Root, as whom tests may run, is never refused: so the system's answer is made up."""
     error = PermissionError(13, "Permission denied")
 
@@ -132,7 +132,7 @@ async def test_what_is_another_users(path, monkeypatch, place):
     assert "the same user" in found.advice
 
 
-def test_a_server_that_takes_no_socket_connection(path, monkeypatch):
+def test_server_that_does_not_accept_connections_is_a_problem(path, monkeypatch):
     async def hang(path):
         await asyncio.sleep(60)
 
@@ -143,6 +143,6 @@ def test_a_server_that_takes_no_socket_connection(path, monkeypatch):
     assert found.text == f"the server at {path} accepted no connection within 0.01 s"
 
 
-def test_unix_alone_names_no_server(capsys):
+def test_unix_without_a_path_is_wrong_usage(capsys):
     assert main(["doctor", "unix:"]) == 2
     assert "expected unix:/path of the server's socket" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""`taskrpc param` prints what `ros2 param` prints, about a program written for rclpy."""
+"""`taskrpc param` prints what `ros2 param` prints, for a program written for rclpy."""
 
 import os
 import subprocess
@@ -75,7 +75,7 @@ def test_list_has_a_nodes_parameters_indented(param):
     )
 
 
-def test_get_says_of_what_type_the_value_is(param):
+def test_get_prints_the_type_of_the_value(param):
     assert param("get", "/talker", "name") == (0, "String value is: bob\n", "")
     assert param("get", "/talker", "some.list") == (0, "Integer values are: [1, 2, 3]\n", "")
     assert param("get", "/talker", "count", "--hide-type") == (0, "5\n", "")
@@ -86,7 +86,7 @@ def test_get_says_of_what_type_the_value_is(param):
     )
 
 
-def test_set_says_whether_and_why_not(param):
+def test_set_prints_the_result_and_the_reason(param):
     assert param("set", "/talker", "speed", "2.5") == (0, "Set parameter successful\n", "")
     assert param("get", "/talker", "speed") == (0, "Double value is: 2.5\n", "")
     code, out, err = param("set", "/talker", "count", "11")
@@ -94,7 +94,7 @@ def test_set_says_whether_and_why_not(param):
     assert err.startswith("Setting parameter failed: Parameter count out of range.")
 
 
-def test_set_of_several_tells_of_each_or_of_all(param):
+def test_set_of_several_prints_one_result_each_or_one_for_all(param):
     code, out, err = param("set", "/talker", "speed", "-3.5", "count", "11", "name", "eve")
     assert code == 1
     assert out == "speed: Set parameter successful\nname: Set parameter successful\n"
@@ -111,7 +111,7 @@ def test_set_of_several_tells_of_each_or_of_all(param):
     assert err.endswith("name value [name value ...]. Got 1 argument(s).\n")
 
 
-def test_describe_has_the_description_and_what_is_allowed(param):
+def test_describe_prints_description_and_constraints(param):
     assert param("describe", "/talker", "count", "speed", "fixed") == (
         0,
         "Parameter name: count\n  Type: integer\n"
@@ -122,7 +122,7 @@ def test_describe_has_the_description_and_what_is_allowed(param):
     )
 
 
-def test_what_was_dumped_can_be_loaded(param, tmp_path):
+def test_dumped_parameters_can_be_loaded(param, tmp_path):
     code, out, _ = param("dump", "/talker")
     assert code == 0
     assert out.startswith("/talker:\n  ros__parameters:\n    count: 5\n    fixed: true\n")
@@ -138,13 +138,13 @@ def test_what_was_dumped_can_be_loaded(param, tmp_path):
     assert param("set", "/talker", "name", "bob")[0] == 0
 
 
-def test_delete_refuses_what_the_node_refuses(param):
+def test_delete_fails_if_the_node_refuses(param):
     code, out, err = param("delete", "/talker", "name")
     assert (code, out) == (1, "")
     assert err.startswith("Deleting parameter failed: ")
 
 
-def test_describe_of_what_is_not_there_is_told(param):
+def test_describe_of_an_unknown_parameter_is_an_error(param):
     assert param("describe", "/talker", "count", "nam") == (
         1,
         "",
@@ -161,11 +161,11 @@ def test_an_expression_matches_from_the_beginning(param):
 
 
 @pytest.mark.parametrize("arguments", [("list", "/talkr"), ("get", "/talkr", "name")])
-def test_an_unknown_node_is_told_with_what_may_be_meant(param, arguments):
+def test_unknown_node_is_an_error_with_a_suggestion(param, arguments):
     assert param(*arguments) == (1, "", "Node not found\n  hint: did you mean /talker?\n")
 
 
-def test_a_file_that_is_no_yaml_is_told_in_a_line(param, tmp_path):
+def test_invalid_yaml_file_is_one_line(param, tmp_path):
     file = tmp_path / "talker.yaml"
     file.write_text("$ ros2 param dump /talker\n/talker:\n  ros__parameters:\n")
     code, out, err = param("load", "/talker", str(file))
@@ -174,12 +174,12 @@ def test_a_file_that_is_no_yaml_is_told_in_a_line(param, tmp_path):
     assert err.count("\n") == 1
 
 
-def test_a_node_may_be_waited_for(param):
+def test_timeout_waits_for_a_node(param):
     code, _, err = param("get", "/nobody", "x", "--timeout", "0.2")
     assert (code, err) == (1, "Node not found\n")
 
 
-def test_a_file_that_is_not_there_is_told_in_a_line(param):
+def test_missing_file_is_one_line(param):
     assert param("load", "/talker", "nowhere.yaml") == (
         1,
         "",

@@ -1,4 +1,4 @@
-"""`taskrpc pkg` makes and shows packages as `ros2 pkg` does."""
+"""`taskrpc pkg` creates and shows packages as `ros2 pkg` does."""
 
 import subprocess
 import sys
@@ -27,7 +27,7 @@ def test_packages_of_the_workspace_are_shown(pkg, tmp_path):
         ("executables", "Package 'std_srv' not found"),
     ],
 )
-def test_an_unknown_package_is_told_with_what_resembles_it(pkg, verb, said):
+def test_unknown_package_is_an_error_with_similar_names(pkg, verb, said):
     assert pkg(verb, "std_srv") == (1, "", f"{said}\n  hint: did you mean std_srvs?\n")
 
 
@@ -59,7 +59,7 @@ def test_executables_of_a_cmake_package_are_the_programs_that_it_installs(pkg, t
     assert (done.stdout, done.stderr) == ("__main__\n", "")
 
 
-def test_a_tag_that_is_not_there_is_told(pkg):
+def test_missing_tag_is_an_error(pkg):
     _create_python(pkg)
     assert "No elements with tag 'conflict' in" in pkg("xml", "my_package", "-t", "conflict")[2]
     assert "No elements with tag '[' in" in pkg("xml", "my_package", "-t", "[")[2]

@@ -11,7 +11,7 @@ import pytest
 from tests.taskrpc.cli.pkg.conftest import _create_python
 
 
-def test_create_says_what_ros2_pkg_create_says(pkg, tmp_path):
+def test_create_prints_what_ros2_pkg_create_prints(pkg, tmp_path):
     code, out, err = _create_python(pkg)
     assert (code, err) == (0, "")
     folder = os.path.join(".", "my_package")
@@ -42,7 +42,7 @@ def test_create_says_what_ros2_pkg_create_says(pkg, tmp_path):
     assert f"creating {inner}{os.sep}my_node.py" in [each.replace("/", os.sep) for each in told]
 
 
-def test_a_created_python_package_has_what_ament_wants(pkg, tmp_path):
+def test_created_python_package_has_the_files_of_ament(pkg, tmp_path):
     _create_python(pkg)
     root = ElementTree.parse(tmp_path / "my_package" / "package.xml").getroot()
     assert [each.text for each in root.findall("depend")] == ["rclpy", "example_interfaces"]
@@ -66,7 +66,7 @@ def test_a_created_python_package_has_what_ament_wants(pkg, tmp_path):
 
 
 @pytest.mark.real_time
-def test_a_created_package_runs_as_it_is(pkg, tmp_path):
+def test_created_package_runs_unchanged(pkg, tmp_path):
     _create_python(pkg)
     done = subprocess.run(
         [sys.executable, "-m", "taskrpc", "run", "my_package", "my_node"],
@@ -78,7 +78,7 @@ def test_a_created_package_runs_as_it_is(pkg, tmp_path):
     assert (done.stdout, done.stderr) == ("Hi from my_package.\n", "")
 
 
-def test_a_created_cmake_package_finds_and_links_what_it_depends_on(pkg, tmp_path):
+def test_created_cmake_package_finds_and_links_its_dependencies(pkg, tmp_path):
     code, out, _ = pkg("create", "lamp", "--node-name", "shine", "--dependencies", "rclcpp")
     assert code == 0
     assert "[WARNING]: Unknown license 'TODO: License declaration'." in out
@@ -165,7 +165,9 @@ def test_licenses(pkg, tmp_path):
         (["lamp", "--build-type", "make"], "invalid choice: 'make'"),
     ],
 )
-def test_a_wrong_use_of_create_is_one_sentence_and_makes_nothing(pkg, tmp_path, arguments, problem):
+def test_invalid_use_of_create_is_one_sentence_and_writes_nothing(
+    pkg, tmp_path, arguments, problem
+):
     code, out, err = pkg("create", *arguments)
     assert code in (1, 2)
     assert out == ""

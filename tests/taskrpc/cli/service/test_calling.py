@@ -1,4 +1,4 @@
-"""What a call does, in virtual time and memory: waits, repeats, prints, and how it ends."""
+"""A call from the command line, in virtual time and memory: wait, retries, output and end."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ async def test_json_is_one_line_of_the_response(serve, capsys):
     assert capsys.readouterr() == ('{"sum": 5}\n', "")
 
 
-async def test_json_has_null_where_it_has_no_number(serve, capsys):
+async def test_json_has_null_for_nan_and_infinity(serve, capsys):
     def odd(request, response):
         response.float64_value = float("nan")
         response.float32_value = float("-inf")
@@ -115,14 +115,14 @@ async def test_json_has_null_where_it_has_no_number(serve, capsys):
     assert answer["float32_value"] is None
 
 
-async def test_a_service_that_comes_later_is_waited_for_and_this_is_said_once(serve, capsys):
+async def test_call_waits_for_a_later_service_and_reports_it_once(serve, capsys):
     await serve(after=3.0)
     await perform(plan("a=2", "b=3"))
     assert capsys.readouterr() == (ANSWER, "waiting for service to become available...\n")
     assert now() == pytest.approx(3.0, abs=0.2)
 
 
-async def test_a_service_that_never_comes_ends_the_wait_at_the_deadline(capsys):
+async def test_wait_for_a_missing_service_ends_at_the_deadline(capsys):
     with pytest.raises(
         ServiceUnavailable, match=r"no server offers /add_two_ints \(waited 10 s\)"
     ) as e:
@@ -143,9 +143,7 @@ async def test_waiting_and_call_share_the_timeout(serve, capsys):
     assert now() == pytest.approx(4.0, abs=0.1)
 
 
-async def test_without_a_time_limit_service_and_response_are_awaited_for_as_long_as_it_takes(
-    serve, capsys
-):
+async def test_call_without_a_timeout_waits_for_service_and_response_without_limit(serve, capsys):
     async def slow(request, response):
         await asyncio.sleep(60.0)
         return add(request, response)
@@ -163,7 +161,7 @@ def test_timeout_0_and_inf_mean_no_time_limit(text, limit):
     assert parser.parse_args(["/add_two_ints", "--timeout", text]).timeout == limit
 
 
-async def test_with_json_nothing_but_the_answer_is_printed(serve, capsys):
+async def test_json_prints_only_the_response(serve, capsys):
     await serve(after=1.0)
     await perform(plan("a=2", "b=3", as_json=True))
     assert capsys.readouterr() == ('{"sum": 5}\n', "")
@@ -207,7 +205,7 @@ async def test_auto_and_now_are_the_time_of_each_call(serve, monkeypatch, values
     assert first.nanosec == 5
 
 
-async def test_retries_repeat_what_certainly_did_not_run(serve, capsys):
+async def test_retries_repeat_calls_that_certainly_did_not_run(serve, capsys):
     tries = []
 
     def busy(request, response):
@@ -221,7 +219,7 @@ async def test_retries_repeat_what_certainly_did_not_run(serve, capsys):
     assert len(tries) == 3
 
 
-async def test_without_retries_the_first_failure_is_the_answer(serve):
+async def test_first_failure_ends_a_call_without_retries(serve):
     def busy(request, response):
         raise taskrpc.HandlerError("UNAVAILABLE", "not yet")
 
@@ -232,7 +230,7 @@ async def test_without_retries_the_first_failure_is_the_answer(serve):
     assert caught.value.code is Code.UNAVAILABLE
 
 
-async def test_a_wrong_type_is_told_at_once(serve):
+async def test_wrong_type_is_reported_at_once(serve):
     await serve()
     problem = (
         "/add_two_ints is offered as example_interfaces/srv/AddTwoInts, not as std_srvs/srv/Empty"
@@ -250,7 +248,7 @@ async def test_a_wrong_type_is_told_at_once(serve):
         ("std_msgs/msg/String", "The passed type is not a service"),
     ],
 )
-async def test_what_is_no_service_type_is_told_without_waiting(serve, started, type_name, problem):
+async def test_invalid_service_type_is_reported_without_waiting(serve, started, type_name, problem):
     if started:
         await serve()
     with pytest.raises(srvgen.DefinitionError, match=problem):
@@ -258,15 +256,13 @@ async def test_what_is_no_service_type_is_told_without_waiting(serve, started, t
     assert now() == 0.0
 
 
-async def test_a_wrong_request_is_told_without_waiting_when_the_type_is_known():
+async def test_invalid_request_of_a_known_type_is_reported_without_waiting():
     with pytest.raises(InvalidRequest, match="has no attribute 'c'"):
         await perform(plan("c=1", type_name="example_interfaces/srv/AddTwoInts"))
     assert now() == 0.0
 
 
-async def test_a_type_that_only_the_server_has_is_used_as_the_server_defines_it(
-    serve, capsys, tmp_path
-):
+async def test_type_that_only_the_server_has_is_used_with_its_definition(serve, capsys, tmp_path):
     text = "string word\nint8[] numbers\n---\nstring back\n"
     own = type_of(tmp_path, "far_away/srv/Spell", text)
 
@@ -279,9 +275,7 @@ async def test_a_type_that_only_the_server_has_is_used_as_the_server_defines_it(
     assert capsys.readouterr().out == '{"back": "cba"}\n'
 
 
-async def test_a_definition_that_differs_here_is_named_when_the_request_does_not_fit(
-    serve, tmp_path
-):
+async def test_differing_definition_is_reported_if_the_request_does_not_fit(serve, tmp_path):
     own = type_of(tmp_path, "std_srvs/srv/SetBool", "bool on\n---\nbool success\n")
     await serve(add, type_=own)
     with pytest.raises(InvalidRequest) as caught:
@@ -292,6 +286,6 @@ async def test_a_definition_that_differs_here_is_named_when_the_request_does_not
     ]
 
 
-async def test_a_bad_name_is_told_with_a_caret():
+async def test_invalid_name_is_reported_with_a_caret():
     with pytest.raises(InvalidName, match=r"\n  '/bad name'\n       \^$"):
         await perform(plan(service="/bad name"))

@@ -45,7 +45,7 @@ def test_a_listing_from_the_named_program_is_the_same(server, run):
     assert run("service", "list", "-t", "--connect", server.address) == here
 
 
-def test_nobody_at_the_named_address_is_an_error(server, run):
+def test_address_without_a_program_is_an_error(server, run):
     code, out, err = run("service", "list", "--connect", "127.0.0.1:9")
     assert (code, out) == (4, "")
     assert "127.0.0.1:9" in err
@@ -56,7 +56,7 @@ def test_service_type(server, run, name):
     assert run("service", "type", name) == (0, f"{ADD}\n", "")
 
 
-def test_a_look_up_that_finds_nothing_is_exit_1_and_names_what_is_near(server, run):
+def test_lookup_that_finds_nothing_exits_with_1_and_suggests_similar_names(server, run):
     code, out, err = run("service", "type", "/add_two_in")
     assert (code, out) == (1, "")
     assert err == "Unknown service '/add_two_in'\n  hint: did you mean /add_two_ints?\n"
@@ -93,7 +93,7 @@ def test_service_find(server, run, type_name):
     assert run("service", "find", "-c", type_name) == (0, "1\n", "")
 
 
-def test_service_find_of_a_type_that_nobody_offers_prints_nothing(server, run):
+def test_service_find_of_an_unused_type_prints_nothing(server, run):
     assert run("service", "find", "std_srvs/srv/SetBool") == (0, "", "")
 
 
@@ -113,7 +113,7 @@ def test_options_may_stand_anywhere_in_a_call(server, run):
         assert run("service", "call", *argv) == (0, '{"sum": 5}\n', "")
 
 
-def test_an_unknown_service_is_exit_4_and_names_what_is_near(server, run):
+def test_unknown_service_exits_with_4_and_suggests_similar_names(server, run):
     code, out, err = run("/ad_two_ints", "--timeout", "0.1", command=call_main)
     assert (code, out) == (4, "")
     assert err == (
@@ -123,13 +123,13 @@ def test_an_unknown_service_is_exit_4_and_names_what_is_near(server, run):
     )
 
 
-def test_an_unknown_service_of_another_domain_is_named(server, run, monkeypatch):
+def test_service_of_another_domain_is_suggested(server, run, monkeypatch):
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     _, _, err = run("/add_two_ints", "--timeout", "0.1", command=call_main)
     assert "it is offered in domain 0; set ROS_DOMAIN_ID=0" in err
 
 
-def test_where_no_program_runs_the_message_says_how_to_start_one(run):
+def test_hint_says_how_to_start_a_program_if_none_runs(run):
     code, _, err = run("/robot_task", "--timeout", "0.1", command=call_main)
     assert code == 4
     assert "no taskrpc program offers a service on this machine" in err
@@ -176,7 +176,7 @@ def test_each_failure_has_its_exit_code_and_message(server, run, argv, code, mes
     assert "Traceback" not in err
 
 
-def test_a_connection_lost_in_mid_call_is_an_unknown_outcome(own_server, run):
+def test_connection_lost_during_the_call_is_an_unknown_outcome(own_server, run):
     code, _, err = run("/end", command=call_main)
     assert (code, err.count("\n")) == (5, 1)
 
@@ -189,7 +189,7 @@ def test_standard_input_may_be_utf8_or_what_windows_tools_write(server, run, mon
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
-def test_a_server_that_was_stopped_is_named_with_how_it_goes_on(own_server, run):
+def test_stopped_server_is_reported_with_the_command_that_continues_it(own_server, run):
     pid = own_server.process.pid
     os.kill(pid, signal.SIGSTOP)
     os.waitpid(pid, os.WUNTRACED)
@@ -200,7 +200,7 @@ def test_a_server_that_was_stopped_is_named_with_how_it_goes_on(own_server, run)
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
-def test_a_server_that_hangs_is_named(own_server, run, monkeypatch):
+def test_server_that_hangs_is_reported(own_server, run, monkeypatch):
     os.kill(own_server.process.pid, signal.SIGSTOP)
     monkeypatch.setattr("taskrpc.platform.is_stopped", lambda _: False)
     code, out, err = run("/add_two_ints", "--timeout", "0.3", command=call_main)

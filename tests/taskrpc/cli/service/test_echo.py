@@ -65,13 +65,13 @@ def test_flow_style_writes_arrays_in_one_line():
     )
 
 
-def test_csv_is_the_one_that_ros2_prints():
+def test_csv_equals_the_csv_of_ros2():
     gid = GID.replace(" ", "")
     assert csv_of(_event(a=2, b=3), Cut(texts=False)) == f"1,3344,686279829,{gid},1,2,3,"
     assert csv_of(_event(sum=5), Cut(texts=False)) == f"2,3344,686279829,{gid},1,,5"
 
 
-def test_long_arrays_are_cut_and_no_arr_says_what_they_are():
+def test_long_arrays_are_cut_and_no_arr_prints_type_and_length():
     cut = event_text(_event(a=1, b=2), Cut(length=2), flow=True)
     assert "client_gid: [39, 207, '...']" in cut
     none = event_text(_event(a=1, b=2), Cut(arrays=False))
@@ -119,7 +119,7 @@ def wait_for_echo(service, capsys):
 
 
 @pytest.mark.real_time
-def test_calls_of_a_task_server_are_echoed_where_it_was_started_so(start, capsys):
+def test_calls_of_a_task_server_with_introspection_are_echoed(start, capsys):
     told = ("--db", ":memory:", "--introspection", "contents")
     start(*told, command=("-m", "taskrpc.cli.server"))
     call = ["service", "call", "/robot_task/pause", "taskrpc_interfaces/srv/PauseTasks"]
@@ -147,7 +147,7 @@ def test_calls_of_a_running_program_are_echoed(start, tmp_path, capsys):
 
 
 @pytest.mark.real_time
-def test_what_cannot_be_echoed_is_told_in_ros2s_words(runtime, capsys):
+def test_failed_echo_prints_the_text_of_ros2(runtime, capsys):
     assert main(["service", "echo", "/nope"]) == 1
     assert capsys.readouterr().err.startswith("Cannot find type for '/nope'\n")
     for wrong in ("example_interfaces/srv/Nope", "std_msgs/msg/String"):

@@ -1,4 +1,4 @@
-"""Every command ends with the exit code that was promised, and with one message at most."""
+"""Every command ends with its documented exit code and at most one message."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_each_error_has_its_exit_code(error, code, capsys):
     assert "Traceback" not in capsys.readouterr().err
 
 
-def test_a_defect_of_ours_is_not_hidden():
+def test_defect_of_taskrpc_shows_its_traceback():
     def fail(argv):
         raise ZeroDivisionError
 
@@ -62,7 +62,7 @@ def test_ctrl_c_is_silent(capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_hints_follow_the_message_on_lines_of_their_own(capsys):
+def test_hints_follow_the_message_on_separate_lines(capsys):
     def fail(argv):
         raise hinted(hinted(NotFound("nothing there"), "look again"), "")
 
@@ -97,7 +97,7 @@ def test_wrong_usage_is_exit_2_and_shows_the_usage(argv, capsys):
     assert ": error: " in err
 
 
-def test_an_unknown_command_is_named(capsys):
+def test_unknown_command_is_reported(capsys):
     main(["servic", "list"])
     assert "error: unknown command 'servic'" in capsys.readouterr().err
 
@@ -107,7 +107,7 @@ def test_version(capsys):
     assert capsys.readouterr().out.startswith("taskrpc ")
 
 
-def test_no_command_imports_what_only_another_needs():
+def test_command_does_not_import_modules_of_other_commands():
     program = (
         "import sys; from taskrpc.cli.main import main; main([]);"
         "unwanted = {'asyncio', 'msgspec', 'yaml', 'srvgen.definitions.names', 'rich'};"
@@ -119,7 +119,7 @@ def test_no_command_imports_what_only_another_needs():
     assert done.stdout.splitlines()[-1] == "[]"
 
 
-def test_a_call_imports_neither_robot_nor_tasks_nor_rich():
+def test_call_does_not_import_robot_tasks_or_rich():
     program = (
         "import sys; from taskrpc.cli import call; from taskrpc.cli.service import calling;"
         "print([m for m in sys.modules if m.split('.')[:2] in"
@@ -153,14 +153,14 @@ def test_a_program_that_only_calls_does_not_import_the_serving_side():
     assert done.stdout.strip() == "[]"
 
 
-def test_with_arguments_given_the_process_is_left_as_it_was(monkeypatch):
+def test_main_with_arguments_does_not_change_the_process(monkeypatch):
     frozen = []
     monkeypatch.setattr(command.gc, "freeze", lambda: frozen.append(True))
     main(["--version"])
     assert not frozen
 
 
-def test_a_command_that_goes_on_looks_through_few_objects_at_once_and_not_through_its_imports():
+def test_garbage_collection_of_a_long_run_is_short_and_skips_imported_objects():
     program = (
         "import gc; from taskrpc.cli.shared import command\n"
         "def action(_):\n"
@@ -177,14 +177,14 @@ def test_a_command_that_goes_on_looks_through_few_objects_at_once_and_not_throug
     assert frozen > 1000
 
 
-def test_in_a_process_that_is_not_the_commands_garbage_is_none_of_its_business(monkeypatch):
+def test_long_run_in_a_foreign_process_leaves_its_garbage_collector_unchanged(monkeypatch):
     monkeypatch.setattr(command.gc, "freeze", pytest.fail)
     before = command.gc.get_threshold()
     command.tune_for_long_run()
     assert command.gc.get_threshold() == before
 
 
-def test_a_command_that_only_ros2_has_is_answered_in_a_line(capsys):
+def test_command_that_only_ros2_has_gets_one_line_of_advice(capsys):
     assert main(["launch", "turtlesim", "multisim.launch.py"]) == 2
     out, err = capsys.readouterr()
     assert (out, err) == (
@@ -197,13 +197,13 @@ def test_a_command_that_only_ros2_has_is_answered_in_a_line(capsys):
     ("argv", "hint"),
     [(["servce"], "service"), (["service", "lst"], "list"), (["task", "submt"], "submit")],
 )
-def test_a_mistyped_command_has_a_hint_at_the_right_one(argv, hint, capsys):
+def test_mistyped_command_gets_a_hint(argv, hint, capsys):
     assert main(argv) == 2
     assert capsys.readouterr().err.endswith(f"hint: did you mean {hint}?\n")
 
 
 @pytest.mark.parametrize("name", ["talkr.py", "talkr", "./talkre.py"])
-def test_a_mistyped_script_has_a_hint_at_the_right_one(name, tmp_path, monkeypatch, capsys):
+def test_mistyped_script_gets_a_hint(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "talker.py").touch()
     assert main(["run", name]) == 1

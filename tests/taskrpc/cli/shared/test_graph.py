@@ -27,24 +27,24 @@ def entry(*names: str, type_name: str = "a/srv/A", pid: int = 1) -> RegistryEntr
         ("/go", ["/_hidden"], "no taskrpc program offers a service on this machine in domain 0"),
     ],
 )
-def test_the_hint_names_what_comes_nearest(asked, offered, hint):
+def test_hint_names_the_most_similar_services(asked, offered, hint):
     told = graph.unknown_service_hint(asked, [entry(*offered)])
     assert told.startswith(hint)
     assert "/n/" not in told or "/n/" in hint
 
 
-def test_of_a_program_elsewhere_nothing_is_said_about_this_machine():
+def test_hint_about_a_remote_program_does_not_mention_this_machine():
     hint = graph.unknown_service_hint("/x", [], "robot:7450")
     assert hint == "the program at robot:7450 offers no service"
 
 
-def test_services_are_sorted_and_their_types_gathered():
+def test_services_are_sorted_with_all_their_types():
     entries = [entry("/b", "/_h"), entry("/a"), entry("/b", type_name="z/srv/Z")]
     assert graph.services(entries) == {"/a": ["a/srv/A"], "/b": ["a/srv/A", "z/srv/Z"]}
     assert "/_h" in graph.services(entries, hidden=True)
 
 
-def test_gids_are_those_that_rclpy_programs_see():
+def test_gids_equal_those_of_rclpy_programs():
     from taskrpc.rclpy._impl.graph import endpoints as rclpy
     from taskrpc.rclpy.endpoint_info import EndpointTypeEnum
 

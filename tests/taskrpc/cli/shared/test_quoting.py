@@ -1,4 +1,4 @@
-"""A request typed in any shell arrives as meant, or the message says how to type it there.
+"""A request arrives unchanged from every shell, or the error says how to type it in that shell.
 
 Each shell is modelled as far as it changes arguments: what it takes away itself, and how Windows
 programs split the one command line that they are given.
@@ -83,13 +83,13 @@ def test_double_quotes_around_field_value_carry_spaces_in_every_shell(shell):
 
 
 @EVERY_SHELL
-def test_a_type_is_told_from_a_request_in_every_shell(shell):
+def test_type_and_request_are_distinguished_in_every_shell(shell):
     argv = shell('example_interfaces/srv/AddTwoInts "{a: 1}"')
     assert values.split_type(argv) == ("example_interfaces/srv/AddTwoInts", ["{a: 1}"])
 
 
 @pytest.mark.parametrize("shell", [bash, powershell51, git_bash])
-def test_single_quotes_work_where_the_shell_knows_them(shell):
+def test_single_quotes_work_in_shells_that_support_them(shell):
     assert values.build_request(ADD, shell("'{a: 2, b: 3}'")) == ADD(a=2, b=3)
 
 
@@ -120,12 +120,12 @@ def test_a_missing_space_after_the_colon_is_shown(shell, typed):
     assert "write a space after the colon, {a: 2}" in hint_for(ADD, shell(typed))
 
 
-def test_what_bash_makes_of_unquoted_braces_gets_the_same_hint():
+def test_braces_that_bash_has_expanded_get_the_same_hint():
     assert "write a space after the colon, {a: 2}" in hint_for(ADD, ["a:2", "b:3"])
 
 
 @EVERY_SHELL
-def test_an_unquoted_request_with_spaces_is_told_to_be_one_argument(shell):
+def test_unquoted_request_with_spaces_gets_a_hint_to_quote_it(shell):
     assert quoting.ONE_ARGUMENT in hint_for(ADD, shell("{a: 2, b: 3}"))
 
 
@@ -139,11 +139,11 @@ def test_an_unquoted_request_with_spaces_is_told_to_be_one_argument(shell):
         ["a=\u201c2\u201d"],
     ],
 )
-def test_curly_quotation_marks_are_named(argv):
+def test_curly_quotation_marks_are_reported(argv):
     assert "curly quotation marks" in hint_for(ADD, argv)
 
 
-def test_curly_quotation_marks_may_be_sent_when_they_are_meant():
+def test_curly_quotation_marks_inside_a_text_are_sent():
     request = values.build_request(TASK, ["{target: '\u201cx\u201d'}"])
     assert request.target == "\u201cx\u201d"
 

@@ -18,7 +18,7 @@ def add(request, response):
 
 
 @pytest.mark.real_time
-def test_a_program_elsewhere_is_called_with_its_secret(tmp_path, monkeypatch, capsys):
+def test_remote_program_is_called_with_its_token(tmp_path, monkeypatch, capsys):
     """Another runtime folder stands for another machine: no token is found there."""
     secret = tmp_path / "secret.txt"
     secret.write_text("open sesame\n")
@@ -38,13 +38,13 @@ def test_a_program_elsewhere_is_called_with_its_secret(tmp_path, monkeypatch, ca
 
 
 @pytest.mark.real_time
-def test_a_program_elsewhere_that_is_not_there_is_pointed_to_the_doctor(capsys):
+def test_missing_remote_program_gets_a_hint_to_use_doctor(capsys):
     code = call_main(["/add", "--timeout", "0.1", "--connect", "127.0.0.1:9"])
     assert code == 4
     assert "hint: find out why: taskrpc doctor 127.0.0.1:9\n" in capsys.readouterr().err
 
 
-def test_an_empty_secret_is_refused(tmp_path, capsys):
+def test_empty_token_file_is_refused(tmp_path, capsys):
     empty = tmp_path / "secret.txt"
     empty.touch(0o600)
     assert main(["service", "list", "--connect", "a:1", "--token-file", str(empty)]) == 1

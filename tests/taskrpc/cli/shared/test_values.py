@@ -1,4 +1,4 @@
-"""A request is read with the types of its fields at hand, and nothing is guessed or cut off."""
+"""A request is read with the types of its fields; no value is guessed or cut off."""
 
 from __future__ import annotations
 
@@ -94,17 +94,17 @@ def test_every_integer_in_range_arrives(a, b):
 
 
 @given(st.text(max_size=30))
-def test_whatever_is_typed_is_a_request_or_refused(text):
+def test_any_text_is_a_request_or_is_refused(text):
     with contextlib.suppress(InvalidRequest):
         assert type(build_request(ADD, [text])) is ADD
 
 
 @pytest.mark.parametrize("text", ["1e3", "1000", "1.0e+3", "1_000"])
-def test_a_float_may_be_written_as_people_write_it(text):
+def test_float_may_be_written_in_common_notations(text):
     assert build_request(BASIC, [f"float64_value={text}"]).float64_value == 1000.0
 
 
-def test_floats_that_are_no_numbers():
+def test_nan_and_infinity_are_read_as_floats():
     assert math.isnan(build_request(BASIC, ["float64_value=nan"]).float64_value)
     assert build_request(BASIC, ["{float64_value: -.inf}"]).float64_value == -math.inf
 
@@ -170,7 +170,7 @@ def test_arrays_are_written_in_brackets_and_strings_in_them_are_literal():
         (TRIGGER, ["x=1"], "Trigger_Request has no fields"),
     ],
 )
-def test_a_wrong_request_is_refused_with_its_place(cls, argv, message):
+def test_invalid_request_is_refused_with_the_path_of_its_field(cls, argv, message):
     assert message in refusal(cls, *argv)
 
 
@@ -192,7 +192,7 @@ TYPES = st.sampled_from(
 
 
 @given(word=WORDS, type_=TYPES)
-def test_a_value_that_is_read_without_yaml_is_what_yaml_reads(word, type_):
+def test_value_read_without_yaml_equals_the_yaml_value(word, type_):
     value = simple_value(word, type_)
     if value is not None:
         reader = Reader(word)
@@ -212,7 +212,7 @@ def test_a_value_that_is_read_without_yaml_is_what_yaml_reads(word, type_):
     ),
     comma=st.sampled_from([", ", ",", " , ", "\n, "]),
 )
-def test_a_mapping_that_is_read_without_yaml_is_what_yaml_reads(pairs, comma):
+def test_mapping_read_without_yaml_equals_the_yaml_mapping(pairs, comma):
     text = "{" + comma.join(f"{name}: {word}" for name, word in pairs) + "}"
     fields = simple_mapping(BASIC, text)
     if fields is not None:

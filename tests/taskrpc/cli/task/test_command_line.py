@@ -16,18 +16,18 @@ from tests.taskrpc.cli.task.conftest import parsed, task
 KEYS = {"task_id", "task_type", "target", "priority", "state", "estimated_time"}
 
 
-async def test_a_submitted_task_is_answered_in_the_lectures_words(lab, lines):
+async def test_submit_prints_the_response_of_the_lecture(lab, lines):
     assert await task("submit", "move", "warehouse", 8) == Exit.DONE
     assert lines() == ["Task queued: move (task 1, done in 9.8 s)"]
 
 
-async def test_a_refused_task_is_an_error_in_the_servers_own_words(lab):
+async def test_refused_task_is_an_error_with_the_text_of_the_server(lab):
     with pytest.raises(TaskRefused, match=r"^Invalid task: fly \(expected move, scan or report\)$"):
         await task("submit", "fly", "moon")
     assert exit_code(TaskRefused("no")) == Exit.ERROR
 
 
-async def test_the_list_has_what_runs_first_and_then_the_queue_in_the_order_of_run(lab, lines):
+async def test_list_has_the_running_task_first_and_then_the_queue_in_order(lab, lines):
     for argv in (("move", "warehouse", 8), ("scan", "area_a", 9), ("report", " central ", 3)):
         await task("submit", *argv)
     await asyncio.sleep(1)
@@ -47,7 +47,7 @@ async def test_the_list_has_what_runs_first_and_then_the_queue_in_the_order_of_r
     assert times == sorted(times)
 
 
-async def test_what_has_ended_is_listed_only_on_request_and_last(lab, lines):
+async def test_ended_tasks_are_listed_last_and_only_on_request(lab, lines):
     await task("submit", "report", "dock")
     await asyncio.sleep(5)
     await task("submit", "move", "warehouse")
@@ -70,7 +70,7 @@ async def test_a_list_longer_than_a_page_is_complete_and_has_each_task_once(lab,
     assert [row["task_id"] for row in json.loads(lines()[0])] == list(range(1, 451))
 
 
-async def test_an_empty_list_says_so_on_stderr_and_is_an_empty_array_in_json(lab, capsys):
+async def test_empty_list_is_a_line_on_stderr_and_an_empty_json_array(lab, capsys):
     await task("list")
     printed = capsys.readouterr()
     assert (printed.out, printed.err) == (
@@ -128,7 +128,7 @@ async def test_a_queued_task_moves_to_another_priority_in_either_spelling(lab, l
         await task(verb, 1, 11)
 
 
-async def test_pause_resume_and_stop_say_what_became_of_the_robot(lab, lines):
+async def test_pause_resume_and_stop_report_the_state_of_the_robot(lab, lines):
     await task("submit", "move", "warehouse")
     await asyncio.sleep(1)
     for verb in ("pause", "resume", "stop"):
@@ -141,14 +141,14 @@ async def test_pause_resume_and_stop_say_what_became_of_the_robot(lab, lines):
     ]
 
 
-async def test_waiting_for_a_task_tells_its_states_and_ends_with_its_end(lab, capsys):
+async def test_submit_wait_prints_the_states_and_ends_with_the_task(lab, capsys):
     assert await task("submit", "move", "warehouse", "--wait") == Exit.DONE
     printed = capsys.readouterr()
     assert printed.out == "task 1  move warehouse  priority 5  SUCCEEDED\n"
     assert [line.split("  ")[3] for line in printed.err.splitlines()] == ["QUEUED", "RUNNING"]
 
 
-async def test_waiting_for_a_task_that_somebody_cancels_is_an_error(lab, lines):
+async def test_submit_wait_fails_if_the_task_is_cancelled(lab, lines):
     waiting = asyncio.create_task(task("submit", "move", "warehouse", "--wait"))
     await asyncio.sleep(1)
     await task("cancel", 1)
@@ -156,7 +156,7 @@ async def test_waiting_for_a_task_that_somebody_cancels_is_an_error(lab, lines):
     assert lines()[-1].startswith("task 1  move warehouse  priority 5  CANCELED  cancelled by ")
 
 
-async def test_whoever_stops_waiting_is_told_that_the_task_goes_on(lab, capsys):
+async def test_interrupted_wait_reports_that_the_task_continues(lab, capsys):
     waiting = asyncio.create_task(task("submit", "move", "warehouse", "--wait"))
     await asyncio.sleep(1)
     waiting.cancel()
@@ -170,7 +170,7 @@ async def test_whoever_stops_waiting_is_told_that_the_task_goes_on(lab, capsys):
     assert "  state:     SUCCEEDED" in capsys.readouterr().out.splitlines()
 
 
-async def test_waiting_survives_a_server_that_restarts_and_tells_the_interruption(lab, capsys):
+async def test_submit_wait_continues_after_a_restart_and_reports_the_interruption(lab, capsys):
     waiting = asyncio.create_task(task("submit", "move", "warehouse", "--wait"))
     await asyncio.sleep(1)
     await lab.stop()
@@ -182,7 +182,7 @@ async def test_waiting_survives_a_server_that_restarts_and_tells_the_interruptio
     assert "the task server has ended; waiting for its next start...\n" in printed.err
 
 
-async def test_waiting_ends_when_the_server_does_not_come_back_in_time(lab):
+async def test_submit_wait_ends_if_the_server_does_not_restart_in_time(lab):
     waiting = asyncio.create_task(task("submit", "move", "warehouse", "--wait", "--timeout", 3))
     await asyncio.sleep(1)
     await lab.stop()
@@ -190,7 +190,7 @@ async def test_waiting_ends_when_the_server_does_not_come_back_in_time(lab):
         await waiting
 
 
-async def test_a_watcher_sees_each_state_once_and_survives_a_restart(lab, capsys):
+async def test_watch_prints_each_state_once_and_continues_after_a_restart(lab, capsys):
     watching = asyncio.create_task(task("watch"))
     await asyncio.sleep(1)
     await task("submit", "report", "dock")
@@ -217,7 +217,7 @@ async def test_a_watcher_sees_each_state_once_and_survives_a_restart(lab, capsys
     ]
 
 
-async def test_a_watcher_of_one_task_hears_of_no_other(lab, lines):
+async def test_watch_of_one_task_prints_no_other_task(lab, lines):
     await task("submit", "report", "dock")
     watching = asyncio.create_task(task("watch", 1, "--json"))
     await asyncio.sleep(5)
@@ -243,7 +243,7 @@ async def test_a_watcher_of_one_task_hears_of_no_other(lab, lines):
         ("fly",),
     ],
 )
-def test_a_command_line_that_makes_no_sense_is_refused_with_its_usage(argv):
+def test_invalid_command_line_is_refused_with_the_usage(argv):
     with pytest.raises(UsageError) as error:
         parsed(*argv)
     assert error.value.usage.startswith("usage: taskrpc task")

@@ -53,5 +53,5 @@ def test_the_bar_shows_what_is_left_and_that_the_queue_is_paused():
     assert "the queue is paused" in drawn
 
 
-def test_where_stderr_is_no_terminal_there_is_no_bar():
+def test_without_a_terminal_there_is_no_progress_bar():
     assert isinstance(progress.progress(), progress.ProgressLines)

@@ -30,7 +30,7 @@ async def test_an_order_for_an_unknown_task_is_refused(lab, verb):
         await task(verb, 99)
 
 
-async def test_one_refused_order_does_not_keep_the_others_from_being_done(lab, lines):
+async def test_other_tasks_are_changed_if_the_server_refuses_one(lab, lines):
     await task("pause")
     await task("submit", "move", "dock")
     lines()
@@ -43,7 +43,7 @@ async def test_one_refused_order_does_not_keep_the_others_from_being_done(lab, l
     assert json.loads(lines()[0]) == {"success": True, "message": "Task 1 was cancelled"}
 
 
-async def test_without_a_server_the_command_waits_and_then_says_how_to_start_one(capsys):
+async def test_missing_server_is_reported_after_the_wait_with_a_hint(capsys):
     expected = r"^no server offers /robot_task \(waited 3 s\)"
     with pytest.raises(ServiceUnavailable, match=expected) as e:
         await task("list", "--timeout", 3)
@@ -52,14 +52,14 @@ async def test_without_a_server_the_command_waits_and_then_says_how_to_start_one
     assert "taskrpc-server offers it" in capsys.readouterr().err
 
 
-async def test_a_server_that_comes_in_time_is_waited_for(lines):
+async def test_command_waits_for_a_server_that_starts_in_time(lines):
     lab = Lab()
     asyncio.get_running_loop().call_later(2, lambda: asyncio.ensure_future(lab.start()))
     assert await task("submit", "report", "dock") == Exit.DONE
     await lab.stop()
 
 
-async def test_the_services_may_have_another_name(lines):
+async def test_task_services_may_have_another_name(lines):
     lab = Lab(service_name="lab/robot")
     await lab.start()
     await task("submit", "report", "dock", "--service", "lab/robot")
@@ -67,7 +67,7 @@ async def test_the_services_may_have_another_name(lines):
     await lab.stop()
 
 
-async def test_a_service_of_another_type_is_no_task_server():
+async def test_service_of_another_type_is_a_type_mismatch():
     trigger = srvgen.load("std_srvs/srv/Trigger")
     async with taskrpc.Node("other", transport="memory") as node:
         node.create_service(trigger, "robot_task", lambda _, response: response)

@@ -14,7 +14,7 @@ def info(**fields):
     return TASK_INFO(**{"task_id": 3, "task_type": "move", "target": "dock", **fields})
 
 
-def test_texts_of_others_cannot_steer_the_terminal():
+def test_texts_of_other_users_cannot_control_the_terminal():
     nasty = info(target="a\x1b[2Jb\n", client="\x07", message="x\ry", state="FAILED")
     assert all(printable(line) == line for line in [status_line(nasty), *details(nasty)])
     assert as_object(nasty)["target"] == "a\x1b[2Jb\n"
@@ -24,7 +24,7 @@ def test_an_instant_that_is_not_set_is_null():
     assert as_object(info())["ended"] is None
 
 
-def test_a_result_of_a_users_own_robot_is_shown_whatever_it_holds():
+def test_any_result_of_a_custom_robot_is_shown():
     found = {"ok": True, "path": [[0, 1]], "name": "x\n", "many": list(range(20)), "none": None}
     lines = details(info(result=json.dumps(found), state="SUCCEEDED"))
     assert lines[-5:] == [
@@ -36,5 +36,5 @@ def test_a_result_of_a_users_own_robot_is_shown_whatever_it_holds():
     ]
 
 
-def test_columns_stand_below_each_other():
+def test_columns_are_aligned():
     assert aligned([("a", "bb"), ("100", "c")], right={0}) == ["  a  bb", "100  c"]

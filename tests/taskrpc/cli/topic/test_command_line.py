@@ -1,4 +1,4 @@
-"""`taskrpc topic` prints what ros2 prints, about publishers of other programs."""
+"""`taskrpc topic` prints what ros2 prints, for publishers of other programs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_echo_prints_yaml_documents(talker, run):
 
 
 @real_time
-def test_echo_of_what_is_not_there(talker, run):
+def test_echo_of_an_unknown_topic_is_an_error(talker, run):
     code, out, err = run("echo", "/nothing")
     assert (code, out) == (1, "WARNING: topic [/nothing] does not appear to be published yet\n")
     assert err.startswith("Could not determine the type for the passed topic\n")
@@ -46,7 +46,7 @@ def test_echo_of_what_is_not_there(talker, run):
 
 
 @real_time
-def test_pub_prints_each_message_and_reaches_who_listens(talker, run):
+def test_pub_prints_each_message_and_reaches_subscribers(talker, run):
     code, out, _ = run("pub", "--once", "/heard", "std_msgs/msg/String", "{data: over here}")
     assert code == 0
     assert out.endswith(
@@ -81,7 +81,7 @@ def test_pub_prints_each_message_and_reaches_who_listens(talker, run):
         ),
     ],
 )
-def test_what_pub_cannot_do_is_told_in_a_sentence(run, argv, code, said):
+def test_invalid_use_of_pub_is_one_sentence(run, argv, code, said):
     told, _, err = run("pub", *argv)
     assert told == code
     assert err.startswith(said)
@@ -90,7 +90,7 @@ def test_what_pub_cannot_do_is_told_in_a_sentence(run, argv, code, said):
 # How messages are printed
 
 
-def test_arrays_and_texts_are_cut_off_or_left_out():
+def test_arrays_and_strings_are_cut_off_or_omitted():
     image = Image(encoding="rgb8", data=bytes(range(5)))
     told = yaml_of(image, Cut(3))
     assert "encoding: rgb...\n" in told
@@ -141,7 +141,7 @@ def test_no_arr_writes_types_and_bounds_as_rosidl_runtime_py(type_, field, text)
     assert plain(message, Cut(arrays=False))[field] == text
 
 
-def test_no_arr_leaves_the_bound_of_strings_out():
+def test_no_arr_omits_the_bound_of_strings():
     text = "string<=22[] words\nstring<=22[<=4] few\n"
     message = srvgen.define("wordy_msgs/msg/Words", text)()
     message.words = ["a"]
@@ -166,7 +166,7 @@ def test_a_text_that_yaml_would_misread_is_quoted():
 
 
 @real_time
-def test_topics_of_a_program_elsewhere_need_its_secret(run, monkeypatch, tmp_path):
+def test_topics_of_a_remote_program_need_its_token(run, monkeypatch, tmp_path):
     from taskrpc import QoS, sync
 
     with sync.Node("talker", token="a secret of sixteen") as node:
@@ -197,7 +197,7 @@ def test_auto_and_now_are_the_time_of_each_message():
     assert (message.header.frame_id, message.source) == ("", "dumy")
 
 
-def test_time_stamps_in_messages_within_and_in_arrays():
+def test_time_stamps_in_nested_messages_and_arrays_are_set():
     markers = srvgen.load("visualization_msgs/msg/MarkerArray")
     template = Template(markers, ["{markers: [{header: auto}, {header: {frame_id: map}}]}"])
     first, second = template.message().markers
@@ -220,7 +220,7 @@ def test_a_file_has_a_document_for_each_message(tmp_path):
 
 
 @real_time
-def test_pub_reads_messages_from_elsewhere(talker, run, tmp_path, monkeypatch):
+def test_pub_reads_messages_from_files_and_standard_input(talker, run, tmp_path, monkeypatch):
     path = tmp_path / "messages.yaml"
     path.write_text("data: one\n---\ndata: two\n", "utf-8")
     rate = ("-r", "1000", "-p", "0")
@@ -244,7 +244,7 @@ def test_pub_reads_messages_from_elsewhere(talker, run, tmp_path, monkeypatch):
 
 
 @real_time
-def test_echo_of_some_messages(talker, run):
+def test_echo_filters_messages(talker, run):
     assert (
         run("echo", "/state", "--once", "--filter", "m.data == 'ready'")[1] == "data: ready\n---\n"
     )
@@ -262,7 +262,7 @@ def test_echo_of_some_messages(talker, run):
 
 
 @real_time
-def test_echo_of_bytes_and_of_what_is_known_beside_a_message(talker, run):
+def test_echo_prints_raw_bytes_and_message_info(talker, run):
     assert run("echo", "/state", "--once", "--raw")[1] == (
         "b'\\x00\\x01\\x00\\x00\\x06\\x00\\x00\\x00ready\\x00'\n---\n"
     )
@@ -273,7 +273,7 @@ def test_echo_of_bytes_and_of_what_is_known_beside_a_message(talker, run):
 
 
 @real_time
-def test_a_reader_that_goes_ends_echo_in_silence(talker):
+def test_echo_ends_silently_if_its_output_is_closed(talker):
     command = [sys.executable, "-u", "-m", "taskrpc", "topic", "echo", "/chatter"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         process.stdout.readline()

@@ -30,7 +30,7 @@ Time = srvgen.load("builtin_interfaces/msg/Time")
         ("delay", "/pose", r"average delay: \d+\.\d{3}\n\tmin: \d+\.\d{3}s max: "),
     ],
 )
-def test_figures_once_a_second(talker, tmp_path, verb, topic, expected):
+def test_measures_print_once_a_second(talker, tmp_path, verb, topic, expected):
     command = [sys.executable, "-u", "-m", "taskrpc", "topic", verb, topic]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         lines = [process.stdout.readline() for _ in range(3 if verb == "bw" else 2)]
@@ -63,7 +63,7 @@ def test_topics_to_measure_are_named_or_all(run, verb, argv, code, said):
 
 
 @real_time
-def test_of_no_topics_none_is_measured(run, tmp_path, monkeypatch):
+def test_without_topics_nothing_is_measured(run, tmp_path, monkeypatch):
     tmp_path.chmod(0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     assert run("bw", "-a") == (0, "No topics available\n", "")

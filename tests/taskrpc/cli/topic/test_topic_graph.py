@@ -9,7 +9,7 @@ from tests.taskrpc.cli.topic.conftest import real_time
 
 
 @real_time
-def test_listings(talker, run):
+def test_list_prints_the_topics(talker, run):
     assert run("list") == (0, "/chatter\n/heard\n/pose\n/state\n", "")
     assert run("list", "-c") == (0, "4\n", "")
     assert run("list", "-a")[1].startswith("/_hidden\n/chatter\n")
@@ -32,7 +32,7 @@ def test_listings(talker, run):
 
 
 @real_time
-def test_type_and_find(talker, run):
+def test_type_and_find_print_what_ros2_prints(talker, run):
     assert run("type", "chatter") == (0, "std_msgs/msg/String\n", "")
     assert run("find", "std_msgs/String") == (0, "/chatter\n/heard\n/state\n", "")
     assert run("find", "std_msgs/msg/String", "-c") == (0, "3\n", "")
@@ -42,7 +42,7 @@ def test_type_and_find(talker, run):
 
 
 @real_time
-def test_info(talker, run):
+def test_info_prints_type_and_endpoints(talker, run):
     assert run("info", "/chatter") == (
         0,
         "Type: std_msgs/msg/String\nPublisher count: 1\nSubscription count: 0\n",
