@@ -143,12 +143,13 @@ class ThreadedConnection(CallingConnection):
 
     def begin_in_thread(self, call: OpenCall) -> bool:
         """Send a call from the calling thread; False if only the event loop can begin it."""
+        # As `begin`, with other writing; a test compares both.
         session, deadline = self.session, call.deadline
         with self._mine:
             left = NO_DEADLINE if deadline is None else time_left(deadline, time.monotonic())
             if left <= 0 or not self._is_free(len(call.body)):
                 return False
-            call.call_id = session.request(call, call.method, call.body, left)
+            call.call_id = session.request(call, call.method, call.body, left, call.flags)
             if not call.call_id:
                 return False
             if call.call_id >= LAST_CALL_ID:
