@@ -55,7 +55,6 @@ def listed(capsys):
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGKILL"])
 def test_standby_continues_the_tasks_at_the_same_addresses(start, capsys, name):
     number = signal.Signals[name]
-    pytest.importorskip("aiohttp")
     places = ("--listen", free_place(), "--web", free_place())
     first = start(*places)
     submit("warehouse", "station_1", "central")

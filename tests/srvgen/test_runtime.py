@@ -242,7 +242,8 @@ def test_message_does_not_share_the_list_that_was_set():
 
 
 def test_numpy_arrays_and_numbers_of_any_element_type_are_accepted():
-    numpy = pytest.importorskip("numpy")
+    import numpy
+
     for dtype in ("int8", "int32", "int64", "uint16", ">i4", "float32", "float16", "float64"):
         assert checked(ranges=numpy.array([1, 2], dtype)).ranges == [1.0, 2.0]
     assert checked(longs=numpy.array([1, 2])[::-1]).longs == [2, 1]
@@ -391,7 +392,8 @@ def test_a_slice_is_an_array_of_the_same_class(cls):
 
 @pytest.mark.parametrize("cls", ARRAYS, ids=lambda cls: cls.__name__)
 def test_numpy_views_an_array_and_writes_into_it(cls):
-    numpy = pytest.importorskip("numpy")
+    import numpy
+
     values = cls([1, 2, 3])
     view = numpy.asarray(values)
     assert view.dtype.name == cls.__name__.removesuffix("Array").lower()
@@ -420,7 +422,8 @@ def test_any_buffer_is_accepted_or_refused_with_a_message():
     assert checked(image=memoryview(b"abcdef").cast("B", (2, 3))).image == b"abcdef"
     problem = problem_of(ranges=(ctypes.c_int * 2)(1, 2))
     assert problem.startswith("ranges: expected float32 elements, got <")
-    numpy = pytest.importorskip("numpy")
+    import numpy
+
     for scalar in (numpy.float64(3), numpy.array(3.0)):
         assert problem_of(ranges=scalar).startswith("ranges: expected a list, got ")
     pixels = numpy.arange(12, dtype="uint8").reshape(2, 2, 3)
@@ -478,7 +481,8 @@ def test_equality_is_by_value_before_and_after_a_check():
     )
     assert Everything(ranges=[1.0]) != Everything(ranges=[1.0, 2.0])
     assert Everything() != Inner()
-    numpy = pytest.importorskip("numpy")
+    import numpy
+
     assert Everything(covariance=numpy.zeros(9)) == Everything()
     with pytest.raises(TypeError, match="unhashable"):
         hash(Everything())

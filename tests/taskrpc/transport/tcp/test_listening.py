@@ -134,7 +134,8 @@ async def test_a_full_server_says_so_and_takes_callers_again_once_there_is_room(
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="Windows counts handles otherwise")
 async def test_without_descriptors_one_line_is_logged_and_the_server_recovers(caplog):
-    resource = pytest.importorskip("resource")
+    import resource
+
     async with offering() as server, taskrpc.Node("client", token="c") as node:
         client = node.create_client(Add, "add")
         assert (await client.call(ask(1))).sum == 1
@@ -176,7 +177,8 @@ async def test_connections_that_are_never_made_do_not_keep_the_others_out(
     monkeypatch, caplog, tmp_path
 ):
     """During a TLS handshake there is no protocol object yet: the listener itself must count."""
-    trustme = pytest.importorskip("trustme")
+    import trustme
+
     monkeypatch.setattr(listening, "MAX_ARRIVING", 3)
     authority = trustme.CA()
     path = tmp_path / "cert.pem"
