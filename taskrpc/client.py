@@ -1,4 +1,4 @@
-"""Calls a service: with a deadline always, with retries where they are safe."""
+"""Clients: calls of a service, with a deadline, and with retries that are safe."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ DEFAULT_TIMEOUT = 10.0
 
 
 class Unset(Enum):
-    """Says that an argument was not given, where None means something."""
+    """Marks an argument that the caller did not give, where None has a meaning."""
 
     UNSET = "UNSET"
 
@@ -72,7 +72,7 @@ class Client(Generic[RequestT, ResponseT]):
 
     @property
     def channel(self) -> Channel:
-        """Its way to the service, for the layers on top of this one."""
+        """The channel to the service, for the layers above."""
         return self._channel
 
     def service_is_ready(self) -> bool:
@@ -80,7 +80,7 @@ class Client(Generic[RequestT, ResponseT]):
         return self._channel.offered
 
     async def wait_for_service(self, timeout: float | None = None) -> bool:
-        """Wait until the service is there; False when it is not within `timeout` seconds."""
+        """Wait until a server offers the service; False if none does within `timeout` seconds."""
         deadline = None if timeout is None else self._loop.time() + timeout
         return await self._channel.wait(deadline)
 
@@ -95,8 +95,8 @@ class Client(Generic[RequestT, ResponseT]):
 
         `timeout` is in seconds and covers everything: finding the service, waiting, retries.
         Nothing is sent before the call is awaited. A call of an exactly-once service is repeated
-        until its deadline whenever its answer is lost; `request_id` names it, so that the same
-        request under the same name runs once even if another program sends it again.
+        until its deadline if its response is lost. `request_id` is its id: a request with the same
+        id runs once, even if another program sends it again.
 
         Raises:
             ServiceUnavailable: no server offers the service (with `retry`: until the deadline).
@@ -166,11 +166,11 @@ class Client(Generic[RequestT, ResponseT]):
 
     @property
     def retries(self) -> int:
-        """How often a call was repeated so far."""
+        """The number of retries of all calls so far."""
         return self._budget.booked
 
     def destroy(self) -> None:
-        """Forget the service; calls in flight still get their answers."""
+        """Close the channel; calls in flight still get their responses."""
         self._channel.close()
         self._forget(self)
 

@@ -1,4 +1,4 @@
-"""A client's connection to one service: finds it, resolves it, survives reconnects."""
+"""A client's channel to one service: finds a server, resolves the service, and reconnects."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class ChannelContext(Protocol):
     counters: RequestCounters
 
     def channel_closed(self, named: ServiceEndpoint) -> None:
-        """A client is gone."""
+        """Count a channel that was closed."""
 
 
 class RemoteChannel:
@@ -66,24 +66,32 @@ class RemoteChannel:
         self.span_of: Callable[[], bytes] | None = None
         """Returns the trace span to send with a request, b"" for none."""
         self._counter: RequestCounter | None = None
+        """Counts the requests to the present store; None before the first of them."""
         self._endpoint = endpoint
         self._named = named
         self._names = (named.name, otherwise) if otherwise else (named.name,)
         self._shown = " or ".join(self._names)
+        """The names, for errors."""
         self._reached = named.name
+        """The name that the present server offers."""
         self._encode = codec_of(srv_type.Request).encode
         self._decode = codec_of(srv_type.Response).decode
         self._connection: CallingConnection | None = None
         self._method = 0
+        """The method id of the service on `_connection`."""
         self._epoch = 0
+        """The connection's epoch in which `_method` is valid."""
         self._connecting: asyncio.Task[None] | None = None
         self._moves: set[asyncio.Task[None]] = set()
+        """Tasks that send refused calls to another server."""
         self._line: dict[Unsent, None] = {}
         """Calls that wait for the connection, in the order in which they were made."""
         self._mark = endpoint.availability.mark()
-        self._somebody = False
+        self._has_addresses = False
+        """Whether the last search found a server, reached or not."""
         self._closed = False
         self._said = ""
+        """The last error that was passed to `on_refusal`."""
         self.on_refusal: Callable[[TaskRpcError], object] = self._warn
         """Called once for each error that keeps the client from an existing service."""
 
@@ -95,7 +103,7 @@ class RemoteChannel:
 
     @property
     def offered(self) -> bool:
-        """Whether a known process offers the service with the definition that we have."""
+        """Whether a known process offers the service with this client's definition."""
         if self.ready or self._closed:
             return not self._closed
         fits = ("", self._named.type_hash)
@@ -103,7 +111,7 @@ class RemoteChannel:
 
     @property
     def service_name(self) -> str:
-        """Absolute; of what is called, once that is known."""
+        """The absolute name; with two names, the one that a server offers, once it is known."""
         return self._reached
 
     def counter(self) -> RequestCounter:
@@ -179,7 +187,7 @@ class RemoteChannel:
         return connection.begin_in_thread(call)
 
     async def connect(self, deadline: float | None) -> None:
-        """Find the service and reach it."""
+        """Find a server of the service and connect to it."""
         while not self.ready:
             if self._closed:
                 raise TaskRpcError(f"the client of {self._shown} is destroyed")
@@ -206,7 +214,7 @@ class RemoteChannel:
         self._line.pop(call, None)
 
     async def wait(self, deadline: float | None) -> bool:
-        """Wait until the service is there; False at the deadline or once closed."""
+        """Wait until the channel is connected; False at the deadline, or once it is closed."""
         failures = 0
         while not self._closed:
             try:
@@ -225,7 +233,7 @@ class RemoteChannel:
         return False
 
     def close(self) -> None:
-        """Forget the service."""
+        """Close the channel; calls that wait for a connection fail."""
         if self._closed:
             return
         self._closed = True
@@ -240,7 +248,7 @@ class RemoteChannel:
         log.warning("%s", error, extra={"service": self._named.name})
 
     def _locate(self) -> list[tuple[str, Address]]:
-        """The names to ask for, each with the addresses to ask."""
+        """The addresses of possible servers, each with the name to resolve there."""
         locate = self._endpoint.network.locate
         return [(name, each) for name in self._names for each in locate(name)]
 
@@ -249,7 +257,7 @@ class RemoteChannel:
         # A known server that was not reached notifies nobody: it is tried at growing intervals.
         import random  # only needed while a client waits
 
-        delay = reconnect_delay(failures, random.random()) if self._somebody else None
+        delay = reconnect_delay(failures, random.random()) if self._has_addresses else None
         limits = [each for each in (left, delay) if each is not None]
         changed = await self._endpoint.availability.wait(self._mark, min(limits, default=None))
         return 0 if changed else failures + 1
@@ -257,7 +265,7 @@ class RemoteChannel:
     async def _connect(self) -> None:
         self._mark = self._endpoint.availability.mark()
         addresses = self._locate()
-        self._somebody = bool(addresses)
+        self._has_addresses = bool(addresses)
         problem = ServiceUnavailable(f"no server offers {self._shown}")
         refusal: TaskRpcError | None = None
         for name, address in addresses:
@@ -292,7 +300,7 @@ class RemoteChannel:
                 call.begin()
 
     def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> Future[None]:
-        """Have all other servers of the name run the request, too; from any thread."""
+        """Send the request to all other servers of the name too; from any thread."""
         sending = self._send_to_others(self._encode(request), answered)
         return asyncio.run_coroutine_threadsafe(sending, self._endpoint.loop)
 
@@ -316,7 +324,7 @@ class RemoteChannel:
                 future.add_done_callback(lambda done: done.exception() or answered(done.result()))
 
     def _move(self, call: OpenCall) -> None:
-        """Send a refused call to a server that offers the service now."""
+        """Send a refused call to another server of the service."""
         self._go(self._moved(call))
 
     def _go(self, coroutine: Coroutine[Any, Any, None]) -> None:
