@@ -19,7 +19,7 @@ from ._impl.diagnostics.deadlocks import call_ended, check_call
 from ._impl.diagnostics.explain import call_failed, call_unspun, like_ros, type_mismatch
 from ._impl.diagnostics.limits import wrapped_or_refused
 from ._impl.execution.entity import Entity, is_busy, node_name
-from ._impl.execution.outbox import Outbox, Tell
+from ._impl.execution.outbox import OnResponse, Outbox
 from ._impl.execution.scheduler import ExternalShutdownException
 from ._impl.node_interface import NodeInterface
 from ._impl.reexports import names_of
@@ -173,13 +173,13 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             number = self._numbers
             self._pending[number] = future
 
-        def tell(response: Any, error: BaseException | None) -> None:
+        def on_response(response: Any, error: BaseException | None) -> None:
             self._responses.append((number, response, error))
             self.notify_executor()
             self.handle.item_arrived()
 
         try:
-            cancel = self._send(request, tell)
+            cancel = self._send(request, on_response)
         except BaseException:
             self._pending.pop(number, None)
             raise
@@ -188,19 +188,19 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             self._introspection.publish("REQUEST_SENT", self._gid, number, request=request)
         return future
 
-    def _send(self, request: SrvRequestT, tell: Tell) -> Callable[[], object]:
+    def _send(self, request: SrvRequestT, on_response: OnResponse) -> Callable[[], object]:
         try:
-            cancel = self._outbox.send(request, tell)
+            cancel = self._outbox.send(request, on_response)
         except InvalidRequest as error:
             request = wrapped_or_refused(request, self._full_name, error)
-            cancel = self._outbox.send(request, tell)
+            cancel = self._outbox.send(request, on_response)
         if like_ros():
-            self._send_to_others(request, tell)
+            self._send_to_others(request, on_response)
         return cancel
 
-    def _send_to_others(self, request: SrvRequestT, tell: Tell) -> None:
+    def _send_to_others(self, request: SrvRequestT, on_response: OnResponse) -> None:
         channel = self._native.channel
-        sent = channel.send_to_others(request, lambda found: tell(found, None))
+        sent = channel.send_to_others(request, lambda found: on_response(found, None))
         with contextlib.suppress(TimeoutError):  # a program may end right after its call
             sent.result(_FOR_OTHERS)
 

@@ -1,4 +1,4 @@
-"""Who publishes, reads, offers or calls what: one entry each."""
+"""Descriptions of publishers, subscriptions, clients and servers, as `Node` returns them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from .type_hash import TypeHash
 
 
 class EndpointTypeEnum(IntEnum):
-    """What an entry is about."""
+    """The kind of an endpoint."""
 
     INVALID = 0
     PUBLISHER = 1
@@ -21,7 +21,7 @@ class EndpointTypeEnum(IntEnum):
 
 
 class _EndpointInfo:
-    """Fields are checked when they are set, and made of plain data where they can be."""
+    """Checks each field when it is set; converts dicts and numbers to the field's class."""
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name.endswith("_type_hash"):

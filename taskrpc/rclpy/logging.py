@@ -27,14 +27,14 @@ _root_logger = RcutilsLogger()
 
 
 def get_logger(name: str) -> RcutilsLogger:
-    """A logger of this name; nodes have theirs. Raises ValueError for an empty name."""
+    """The logger of this name; nodes have their own. Raises ValueError for an empty name."""
     if not name:
         raise ValueError("Logger name must not be empty.")
     return _root_logger.get_child(name)
 
 
 def initialize() -> None:
-    """Read the log settings of the environment; the first line that is logged does so, too."""
+    """Read the log settings of the environment; the first line of the log does this, too."""
     output.initialize()
 
 
@@ -78,9 +78,9 @@ def get_logging_severity_from_string(log_severity: str) -> LoggingSeverity:
 
 
 def get_logging_directory() -> Path:
-    """Where ROS keeps files of logs: ROS_LOG_DIR, or `log` in ROS_HOME, or `~/.ros/log`.
+    """The folder of ROS's log files: ROS_LOG_DIR, or `log` in ROS_HOME, or `~/.ros/log`.
 
-    Nothing is written there by this layer.
+    taskrpc writes nothing there.
     """
     if directory := os.environ.get("ROS_LOG_DIR"):
         return Path(directory).expanduser()

@@ -37,7 +37,7 @@ _SWITCHES = {
 
 
 class RemapKind(enum.Enum):
-    """What a rule gives another name to."""
+    """The kinds of names that a rule replaces."""
 
     NODE = "__node"
     NAMESPACE = "__ns"
@@ -52,48 +52,48 @@ class RemapRule:
 
     kind: RemapKind
     match: str
-    """The name that is replaced, not expanded yet; empty for nodes and namespaces."""
+    """The name to replace, before expansion; empty for nodes and namespaces."""
     replacement: str
     node_name: str | None = None
-    """The only node that it is for; None stands for all."""
+    """The only node to which the rule applies; None means all nodes."""
 
 
 @dataclass
 class Arguments:
-    """A command line, read."""
+    """The parts of a command line."""
 
     rest: list[str] = field(default_factory=list)
-    """What is not ROS's, in its order."""
+    """The arguments that do not belong to ROS, in their order."""
     remaps: list[RemapRule] = field(default_factory=list)
-    """In their order: the first that fits is used."""
+    """The rules in their order: the first one that applies is used."""
     parameters: Parameters = field(default_factory=dict)
-    """Of `-p` and `--params-file`; later ones have replaced earlier ones of the same node name."""
+    """The values of `-p` and `--params-file`; later values replace earlier ones."""
     log_level: int | None = None
-    """The severity from which all loggers log."""
+    """The lowest severity that loggers log by default."""
     log_levels: dict[str, int] = field(default_factory=dict)
-    """For names of loggers: the severity from which these log."""
+    """The lowest severity that a logger logs, by the name of the logger."""
     rosout_logs: bool | None = None
     stdout_logs: bool | None = None
     external_lib_logs: bool | None = None
     unknown: list[str] = field(default_factory=list)
-    """What stands behind `--ros-args` and is not ROS's."""
+    """Options after `--ros-args` that ROS does not have."""
     warnings: list[str] = field(default_factory=list)
-    """What ROS warns of on reading them, for the logger `rcl`."""
+    """Warnings of ROS about these arguments, for the logger `rcl`."""
 
 
 def parse(
     args: Sequence[str], failed: str = "Failed to parse ROS arguments", strict: bool = True
 ) -> Arguments:
-    """Read a command line, the program's name in front or not; parameter files are read too.
+    """Read a command line, with or without the program's name, and its parameter files.
 
     Args:
-        args: everything behind the interpreter.
+        args: the arguments after the interpreter.
         failed: how the message of an error begins.
         strict: whether unknown ROS arguments are an error.
 
     Raises:
         RCLInvalidROSArgsError: a rule or a file cannot be read.
-        UnknownROSArgsError: an option that ROS does not have.
+        UnknownROSArgsError: ROS does not have an option.
     """
     found = Arguments()
     reader = _Reader(found, iter(args))
@@ -107,9 +107,9 @@ def parse(
 
 
 def overrides_of(parameters: Sequence[Parameters], fully_qualified_name: str) -> dict[str, Value]:
-    """The parameters that fit a node by its name or by wildcards, of one command line or more.
+    """The values of one or more command lines that apply to a node, by name or by wildcards.
 
-    Later lines come before earlier ones, and so do later node names of one line.
+    Later command lines take precedence over earlier ones, and so do later node names of one line.
     """
     found: dict[str, Value] = {}
     for one in parameters:
@@ -120,33 +120,33 @@ def overrides_of(parameters: Sequence[Parameters], fully_qualified_name: str) ->
 
 
 def fits(name: str, fully_qualified_name: str) -> bool:
-    """Whether a name in a file, with `*` for one part and `**` for any number, means a node."""
+    """Whether a name selects a node; `*` stands for one part, `**` for any number of parts."""
     rooted = name if name.startswith("/") else f"/{name}"
     pattern = re.escape(rooted).replace(r"/\*\*", r"(/\w+)*").replace(r"/\*", r"(/\w+)")
     return re.fullmatch(pattern, fully_qualified_name) is not None
 
 
 class _Reader:
-    """Goes through one command line. Raises ValueError with ROS's words."""
+    """Reads one command line. Raises ValueError with the text of ROS."""
 
     def __init__(self, found: Arguments, args: Iterator[str]) -> None:
         self._found = found
         self._args = args
 
     def read(self) -> None:
-        ours = False
+        is_ros = False
         for argument in self._args:
             if argument == ROS_ARGS:
-                ours = True
-            elif ours and argument == END_OF_ROS_ARGS:
-                ours = False
-            elif ours:
+                is_ros = True
+            elif is_ros and argument == END_OF_ROS_ARGS:
+                is_ros = False
+            elif is_ros:
                 self._option(argument)
             else:
                 self._plain(argument)
 
     def _plain(self, argument: str) -> None:
-        """Outside of `--ros-args`: ROS still reads rules as they were written years ago."""
+        """Read one argument outside of `--ros-args`; ROS still accepts old remap rules there."""
         try:
             self._found.remaps.append(remap_rule(argument))
         except ValueError:
@@ -176,7 +176,7 @@ class _Reader:
 
 
 def remap_rule(text: str) -> RemapRule:
-    """Read `[node:]from:=to`. Raises ValueError with ROS's words."""
+    """Read `[node:]from:=to`. Raises ValueError with the text of ROS."""
     if ":=" not in text:
         raise ValueError("Expected a rule of the form 'from:=to'")
     node_name, rule = None, text
@@ -246,10 +246,12 @@ def _ignore(found: Arguments, text: str) -> None:
 
 @dataclass(frozen=True)
 class _Option:
-    """An option that a value follows."""
+    """An option with a value."""
 
     name: str
+    """What errors call it."""
     missing: str
+    """The end of the error if the value is missing."""
     take: Callable[[Arguments, str], None]
 
 
@@ -271,25 +273,25 @@ _OPTIONS: Mapping[str, _Option] = {
 
 
 class Remapping:
-    """The rules that hold for one node: its own first, then the program's."""
+    """The rules that apply to one node: its own come first, then those of the program."""
 
     def __init__(self, rules: Iterable[RemapRule] = ()) -> None:
         self._rules = list(rules)
 
     def node_name(self, name: str) -> str:
-        """The name of a node that the program calls `name`."""
+        """The name of the node that replaces `name`."""
         return self._first(RemapKind.NODE, name, name)
 
     def namespace(self, namespace: str, node: str) -> str:
-        """The namespace of this node, where the program says `namespace`."""
+        """The namespace of this node that replaces `namespace`."""
         return self._first(RemapKind.NAMESPACE, node, namespace)
 
     def topic(self, name: str, namespace: str, node: str) -> str:
-        """The topic that an expanded name stands for."""
+        """The name that replaces an expanded topic name."""
         return self._name(RemapKind.TOPIC, name, namespace, node)
 
     def service(self, name: str, namespace: str, node: str) -> str:
-        """The service that an expanded name stands for."""
+        """The name that replaces an expanded service name."""
         return self._name(RemapKind.SERVICE, name, namespace, node)
 
     def _first(self, kind: RemapKind, node: str, otherwise: str) -> str:
@@ -303,17 +305,18 @@ class Remapping:
             return names.expand(text, namespace=namespace, node=node)
 
         for rule in self._rules:
-            fits = rule.kind in (kind, RemapKind.TOPIC_OR_SERVICE) and rule.node_name in (
-                None,
-                node,
-            )
-            if fits and _or_nothing(expanded, rule.match) == name:
+            is_of_kind = rule.kind in (kind, RemapKind.TOPIC_OR_SERVICE)
+            if (
+                is_of_kind
+                and rule.node_name in (None, node)
+                and _expanded_or_empty(expanded, rule.match) == name
+            ):
                 return expanded(rule.replacement)
         return name
 
 
-def _or_nothing(expanded: Callable[[str], str], text: str) -> str:
+def _expanded_or_empty(expanded: Callable[[str], str], text: str) -> str:
     try:
         return expanded(text)
-    except InvalidName:  # a rule for something else
+    except InvalidName:  # the rule is for another kind of name
         return ""

@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-_TURNS = 4
-"""Iterations of the loop after which the response of a callback has reached this process again:
+_ITERATIONS = 4
+"""Iterations of the loop until the response of a callback reaches a caller in this process:
 hand-off, write, read, delivery."""
-_PATIENCE = 0.05
+_MAX_WAIT = 0.05
 """The longest wait for a busy loop, in seconds."""
 
 Take = Callable[["DeferredCall[Any, Any]"], object]
@@ -79,7 +79,7 @@ class Bridge:
     def publisher(
         self, msg_type: Any, topic: str, qos: QoS, on_mismatch: OnMismatch | None = None
     ) -> NativePublisher:
-        """Create a publisher; `on_mismatch` learns on the loop's thread of incompatible peers."""
+        """Create a publisher; `on_mismatch` receives incompatible peers, on the loop's thread."""
         create = self.native.create_publisher
         return NativePublisher(create(msg_type, topic, qos, on_mismatch=on_mismatch))
 
@@ -93,7 +93,7 @@ class Bridge:
     ) -> NativeSubscription:
         """Create a subscription; `take` receives each message, on the thread of the loop.
 
-        `on_mismatch` learns there why a publisher is incompatible.
+        `on_mismatch` receives there why a publisher is incompatible.
         """
         create = self.native.create_subscription
         return NativeSubscription(
@@ -109,7 +109,7 @@ class Bridge:
 def settle() -> None:
     """Wait a moment, so that messages that this program sent to itself arrive."""
     if Bridge.running is not None:
-        Bridge.running.settle(_TURNS, _PATIENCE)
+        Bridge.running.settle(_ITERATIONS, _MAX_WAIT)
 
 
 class NativeClient:
@@ -143,15 +143,15 @@ class NativePublisher:
         self.get_subscription_count = publisher.get_subscription_count
         self._publisher = publisher
 
-    def watch_matches(self, tell: Callable[[int], object]) -> None:
-        """Call `tell` with the number of matching subscriptions, now and at each change.
+    def watch_matches(self, report: Callable[[int], object]) -> None:
+        """Call `report` with the number of matching subscriptions, now and at each change.
 
         It is called on the thread of the event loop.
         """
-        self._publisher.watch_matches(lambda: tell(self.get_subscription_count()))
+        self._publisher.watch_matches(lambda: report(self.get_subscription_count()))
 
     def close(self) -> None:
-        """Publish no more."""
+        """Stop publishing."""
         with contextlib.suppress(WouldDeadlock):
             self._publisher.destroy()
 
@@ -163,15 +163,15 @@ class NativeSubscription:
         self.get_publisher_count = subscription.get_publisher_count
         self._subscription = subscription
 
-    def watch_matches(self, tell: Callable[[int], object]) -> None:
-        """Call `tell` with the number of matching publishers, now and at each change.
+    def watch_matches(self, report: Callable[[int], object]) -> None:
+        """Call `report` with the number of matching publishers, now and at each change.
 
         It is called on the thread of the event loop.
         """
-        self._subscription.watch_matches(lambda: tell(self.get_publisher_count()))
+        self._subscription.watch_matches(lambda: report(self.get_publisher_count()))
 
     def close(self) -> None:
-        """Receive no more messages."""
+        """Stop receiving messages."""
         with contextlib.suppress(WouldDeadlock):
             self._subscription.destroy()
 

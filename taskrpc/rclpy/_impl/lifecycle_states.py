@@ -157,7 +157,7 @@ class LifecycleStateMachine:
         """Make a transition by its label. Raises RCLError if it is not possible now."""
         self._trigger(label, lambda one: one.label == label, publish_update)
 
-    def _trigger(self, what: object, fits: Callable[[Transition], bool], told: bool) -> None:
+    def _trigger(self, what: object, fits: Callable[[Transition], bool], publish: bool) -> None:
         transition = next(filter(fits, self.available_transitions), None)
         if transition is None:
             self._refused(
@@ -168,5 +168,5 @@ class LifecycleStateMachine:
                 " Transition is not registered."
             )
         self._state = transition.goal
-        if told:
+        if publish:
             self._changed(transition)

@@ -1,4 +1,4 @@
-"""What the parts of a node know of it: `NodeHandle`, its state, and `NodeInterface`, its methods.
+"""What the parts of a node see of it: its state, `NodeHandle`, and its methods, `NodeInterface`.
 
 Clients, services, publishers and the other parts are created by a node and need it in turn. They
 import this module instead of `rclpy.node`, which imports them.

@@ -1,4 +1,4 @@
-"""Names that modules of ROS have only because they import them; programs find them there, too."""
+"""Names that a module of ROS has only because it imports them; programs use them from there."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import srvgen
 
 
 def names_of(module: str, package: str, homes: dict[str, str]) -> Callable[[str], Any]:
-    """The `__getattr__` of a module whose names are really at `homes`.
+    """Make the `__getattr__` of a module, which finds names in their `homes`.
 
-    A home is a module, as `.client`, or a folder of interfaces, as `rcl_interfaces/msg`; its names
-    are imported when a program asks for one.
+    A home is a module, such as `.client`, or a folder of interfaces, such as `rcl_interfaces/msg`.
+    A name is imported when a program first uses it.
     """
     home_of = {name: home for home, names in homes.items() for name in names.split()}
 

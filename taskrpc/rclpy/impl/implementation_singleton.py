@@ -1,4 +1,4 @@
-"""rclpy's compiled part by the name under which rclpy itself knows it."""
+"""The compiled part of rclpy, under the name that rclpy itself uses."""
 
 from .. import _rclpy_pybind11 as rclpy_implementation
 

@@ -1,4 +1,4 @@
-"""How serious a line of a log is."""
+"""The severity of a line of the log."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from enum import IntEnum
 
 
 class LoggingSeverity(IntEnum):
-    """From what helps in finding a mistake to what ends the program."""
+    """The severities, from details for debugging to errors that end the program."""
 
     UNSET = 0
-    """Of a logger: as the logger above it."""
+    """As the level of a logger: the level of its parent applies."""
     DEBUG = 10
     INFO = 20
     WARN = 30

@@ -42,12 +42,12 @@ class _Place(NamedTuple):
 
 
 class CallerId(_Place):
-    """A place in a program that logs, by default the caller; two calls on one line differ."""
+    """A place in a program that logs; two calls on one line are two places."""
 
     __slots__ = ()
 
     def __new__(cls, frame: FrameType | None = None) -> Self:
-        """The place of a frame, or of the first one outside of this module."""
+        """The place of a frame, by default of the first frame outside of this module."""
         if frame is None:
             frame = _caller()
         code = frame.f_code
@@ -55,12 +55,12 @@ class CallerId(_Place):
 
 
 class RcutilsLogger:
-    """Logs under a name; `node.get_logger()` and `rclpy.logging.get_logger(name)` give one.
+    """Logs under a name; `node.get_logger()` and `rclpy.logging.get_logger(name)` return one.
 
     Every method that logs takes `throttle_duration_sec=` (with `throttle_time_source_type=`, a
-    clock), `skip_first=True` and `once=True`, which hold for the line of the program that says
-    them, and returns whether it logged. It raises TypeError for another option or a message that
-    is no text, ValueError where one line of the program changes severity, name or options.
+    clock), `skip_first=True` and `once=True`. These options apply to one place in the program.
+    The method returns whether it logged. It raises TypeError for an unknown option and for a
+    message that is not a str, ValueError if one place changes its severity, name or options.
     """
 
     def __init__(self, name: str = "") -> None:
@@ -75,17 +75,17 @@ class RcutilsLogger:
         return hash(self.name)
 
     def get_child(self, name: str) -> RcutilsLogger:
-        """A logger named `<this name>.<name>`, whose level is this one's unless it is set."""
+        """The logger `<this name>.<name>`; it has this logger's level unless its own is set."""
         if not name:
             raise ValueError("Child logger name must not be empty.")
         return RcutilsLogger(f"{self.name}{output.SEPARATOR}{name}" if self.name else name)
 
     def set_level(self, level: LoggingSeverity | int) -> None:
-        """Log from this severity on; `UNSET` goes back to what holds for the parent."""
+        """Log lines of this severity or a higher one; with `UNSET`, use the level of the parent."""
         output.set_level(self.name, LoggingSeverity(level))
 
     def get_effective_level(self) -> LoggingSeverity:
-        """From which severity on it logs."""
+        """The lowest severity that it logs."""
         return LoggingSeverity(output.effective_level_of(self.name))
 
     def is_enabled_for(self, severity: LoggingSeverity | int) -> bool:
@@ -108,7 +108,7 @@ class RcutilsLogger:
         caller = CallerId()
         context = self.contexts.get(caller)
         if context is None:
-            context = self.contexts[caller] = _begun(severity, name, options)
+            context = self.contexts[caller] = _new_context(severity, name, options)
         else:
             _check(context, severity, name, options)
         if not all(supported_filters[kind].should_log(context) for kind in context["filters"]):
@@ -117,15 +117,15 @@ class RcutilsLogger:
         return True
 
     def debug(self, message: str, **options: Any) -> bool:
-        """Log what helps in finding a mistake; is not shown by default."""
+        """Log details for debugging, which are not shown by default."""
         return self.log(message, LoggingSeverity.DEBUG, **options)
 
     def info(self, message: str, **options: Any) -> bool:
-        """Log what goes as it should."""
+        """Log normal progress."""
         return self.log(message, LoggingSeverity.INFO, **options)
 
     def warning(self, message: str, **options: Any) -> bool:
-        """Log what is unusual, though the work goes on."""
+        """Log something unusual; the program continues."""
         return self.log(message, LoggingSeverity.WARN, **options)
 
     def warn(self, message: str, **options: Any) -> bool:
@@ -133,15 +133,15 @@ class RcutilsLogger:
         return self.log(message, LoggingSeverity.WARN, **options)
 
     def error(self, message: str, **options: Any) -> bool:
-        """Log what went wrong."""
+        """Log a failure."""
         return self.log(message, LoggingSeverity.ERROR, **options)
 
     def fatal(self, message: str, **options: Any) -> bool:
-        """Log what the program cannot go on after."""
+        """Log a failure after which the program cannot continue."""
         return self.log(message, LoggingSeverity.FATAL, **options)
 
 
-def _begun(severity: LoggingSeverity, name: str, options: dict[str, Any]) -> Context:
+def _new_context(severity: LoggingSeverity, name: str, options: dict[str, Any]) -> Context:
     """The context of a place in the program that logs for the first time."""
     filters = get_filters_from_kwargs(**options) if options else []
     context: Context = {"name": name, "severity": severity, "filters": filters}
@@ -167,7 +167,7 @@ def _check(context: Context, severity: LoggingSeverity, name: str, options: dict
 
 def _emit(severity: LoggingSeverity, name: str, message: object, caller: CallerId) -> None:
     if message is None or isinstance(message, (bytes, bytearray)):
-        message = _as_c_takes_it(message)
+        message = _text_of(message)
     if not isinstance(message, str):
         raise TypeError(
             "rclpy_logging_rcutils_log(): incompatible function arguments: expected a str as the"
@@ -179,8 +179,8 @@ def _emit(severity: LoggingSeverity, name: str, message: object, caller: CallerI
         output.log(Record(severity, name, message, time.time_ns(), function, path, line))
 
 
-def _as_c_takes_it(message: bytes | bytearray | None) -> str:
-    """What ROS prints of a message that is no text, and that C takes for one."""
+def _text_of(message: bytes | bytearray | None) -> str:
+    """The text that ROS prints for a message of None or bytes."""
     return "(null)" if message is None else message.decode(errors="backslashreplace")
 
 

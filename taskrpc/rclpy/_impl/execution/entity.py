@@ -13,7 +13,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 
 class GroupInterface(Protocol):
-    """What executors need of a callback group; `rclpy.callback_groups` has the classes."""
+    """The part of a callback group that executors use; `rclpy.callback_groups` has the classes."""
 
     def can_execute(self, entity: Any) -> bool:
         """Whether a callback of the entity may begin now."""
@@ -26,7 +26,7 @@ class GroupInterface(Protocol):
 
 
 class ExecutorInterface(Protocol):
-    """What futures, entities and diagnostics need of an executor."""
+    """The part of an executor that futures, entities and diagnostics use."""
 
     @property
     def runs_one_at_a_time(self) -> bool:
@@ -53,7 +53,7 @@ class ExecutorInterface(Protocol):
         """Collect the entities of the nodes again: one was created or destroyed."""
 
     def remove_node(self, node: Any) -> None:
-        """Run the callbacks of this node no longer."""
+        """Stop running the callbacks of this node."""
 
     def has_node(self, node: Any) -> bool:
         """Whether it runs the callbacks of this node."""
@@ -84,7 +84,7 @@ class Entity:
     """The node that created it; None before a node has it."""
 
     def has_work(self) -> bool:
-        """Whether an item waits to be taken. The spinning thread asks often."""
+        """Whether an item waits to be taken. The spinning thread calls this often."""
         raise NotImplementedError
 
     def nanoseconds_until_due(self) -> int | None:
@@ -144,7 +144,7 @@ def ended(before: Callback | None) -> None:
 
 
 def callback_name(callback: Callback) -> str:
-    """The function and the node of a callback, for messages."""
+    """The name of a callback for messages: its function and its node."""
     entity = callback.entity
     if entity is None:
         return "a task or done callback"

@@ -18,26 +18,26 @@ from taskrpc.transport.codec import codec_of
 from ..bridge import NativeClient
 from ..diagnostics.explain import like_ros
 
-Tell = Callable[[Any, BaseException | None], object]
-"""Receives the response or the error of a call, the other being None, on the loop's thread."""
+OnResponse = Callable[[Any, BaseException | None], object]
+"""Receives the response and the error of a call, one of which is None, on the loop's thread."""
 
-_PATIENCE = 2.0
+_FLUSH_TIMEOUT = 2.0
 """Seconds that a program waits at its end for requests whose server is known but not connected."""
 
 
 _POLL_INTERVAL = 0.001
 """Seconds between two checks of whether the outbox is empty."""
 
-_DISCOVERY = 0.2
+_DISCOVERY_TIMEOUT = 0.2
 """With `--like-ros`: seconds to find the server; after that, the request is lost."""
 
 
 class Request:
     """A request that waits for its server."""
 
-    def __init__(self, message: Any, tell: Tell) -> None:
+    def __init__(self, message: Any, on_response: OnResponse) -> None:
         self.message = message
-        self.tell = tell
+        self.on_response = on_response
         self.is_cancelled = False
         self.future: asyncio.Future[Any] | None = None
 
@@ -57,24 +57,24 @@ class Outbox:
         _outboxes.add(self)
         _register_flush()
 
-    def send(self, message: Any, tell: Tell) -> Callable[[], object]:
+    def send(self, message: Any, on_response: OnResponse) -> Callable[[], object]:
         """Send a request, now or once its server is found; returns a function that cancels it.
 
         Raises InvalidRequest for one that cannot be sent.
         """
         if not self._loop_sent and self._native.connected:
-            return self._native.call_then(message, partial(self._ended, message, tell), None)
-        if like_ros() and not self._native.wait(_DISCOVERY):
+            return self._native.call_then(message, partial(self._ended, message, on_response), None)
+        if like_ros() and not self._native.wait(_DISCOVERY_TIMEOUT):
             return lambda: None
         # The program may change the message afterwards; that must not change the request.
         message = self._codec.decode(self._codec.encode(message))
         # Queued on this thread: the next request of the thread must not overtake it.
-        request = self._queue(message, tell)
+        request = self._queue(message, on_response)
         self._native.bridge.soon(self._begin)
         return lambda: self._native.bridge.soon(lambda: self._cancel(request))
 
-    def _queue(self, message: Any, tell: Tell) -> Request:
-        request = Request(message, partial(self._ended, message, tell))
+    def _queue(self, message: Any, on_response: OnResponse) -> Request:
+        request = Request(message, partial(self._ended, message, on_response))
         self._loop_sent.add(request)
         self._waiting.append(request)
         return request
@@ -92,7 +92,7 @@ class Outbox:
 
     def flush(self) -> None:
         """Wait up to two seconds for requests that can still be sent."""
-        end = time.monotonic() + _PATIENCE
+        end = time.monotonic() + _FLUSH_TIMEOUT
         with contextlib.suppress(WouldDeadlock):
             self._native.bridge.do(lambda: None)  # earlier hand-offs have reached the queue now
             while self._waiting and self._native.is_known() and time.monotonic() < end:
@@ -101,13 +101,15 @@ class Outbox:
 
     # On the loop
 
-    def _ended(self, message: Any, tell: Tell, response: Any, error: BaseException | None) -> None:
+    def _ended(
+        self, message: Any, on_response: OnResponse, response: Any, error: BaseException | None
+    ) -> None:
         lost = self._closed or like_ros()
         if isinstance(error, ServiceUnavailable) and not lost:  # the request certainly did not run
-            self._queue(message, tell)
+            self._queue(message, on_response)
             self._begin()
         else:
-            tell(response, error)
+            on_response(response, error)
 
     def _begin(self) -> None:
         if self._sending is None or self._sending.done():
@@ -139,7 +141,7 @@ class Outbox:
         self._loop_sent.discard(request)
         if not done.cancelled():
             error = done.exception()
-            request.tell(None if error is not None else done.result(), error)
+            request.on_response(None if error is not None else done.result(), error)
 
     def _cancel(self, request: Request) -> None:
         request.is_cancelled = True

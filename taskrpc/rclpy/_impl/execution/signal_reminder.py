@@ -16,24 +16,28 @@ import threading
 import time
 from typing import Any
 
-_MOMENT = 0.05
+_FIRST_INTERVAL = 0.05
 """Seconds after which a signal is sent again."""
-_LONGEST = 1.0
+_MAX_INTERVAL = 1.0
 """The longest such interval in seconds: it doubles while the main thread runs native code."""
 
 _reminder: Reminder | None = None
 
 
 class Reminder:
-    """Learns of each signal from Python, and from the handler that it was handled."""
+    """Sends signals again.
+
+    Python writes the number of each signal to a socket; the handler calls `handled`.
+    """
 
     def __init__(self) -> None:
         self.handlers: dict[int, Any] = {}
         """The signals that are sent again, each with its handler while it is installed."""
-        self._ours, self._pythons = socket.socketpair()
+        self._ours, self._pythons = socket.socketpair()  # Python writes to the second one
         self._ours.setblocking(False)
         self._pythons.setblocking(False)
         self._handled_count = 0
+        """How often a handler has run."""
         threading.Thread(target=self._watch, name="taskrpc signals", daemon=True).start()
 
     def begin(self) -> None:
@@ -51,10 +55,10 @@ class Reminder:
     def handled(self) -> None:
         """Record that the handler has run; called by the handler."""
         self._handled_count += 1
-        self._told()
+        self._take_numbers()
 
     def waits(self) -> bool:
-        """Whether a recorded signal would be sent again."""
+        """Whether Python has recorded a signal that no handler reported as handled."""
         return bool(select.select([self._ours], [], [], 0)[0])
 
     def close(self) -> None:
@@ -64,25 +68,26 @@ class Reminder:
         self._pythons.close()
 
     def _watch(self) -> None:
-        moment, before = _MOMENT, -1
+        interval, before = _FIRST_INTERVAL, -1
         while True:
             select.select([self._ours], [], [])
-            time.sleep(moment)
-            heeded = self._handled_count
-            told = self._told()
-            # Not to the handler of a notebook or a debugger: it has run, but does not report it.
+            time.sleep(interval)
+            handled = self._handled_count
+            arrived = self._take_numbers()
+            # Not to the handler of a notebook or debugger: it does not call `handled`.
             numbers = [
                 number
                 for number, handler in list(self.handlers.items())
-                if number in told and signal.getsignal(number) is handler
+                if number in arrived and signal.getsignal(number) is handler
             ]
-            moment = min(2 * moment, _LONGEST) if numbers and heeded == before else _MOMENT
-            before = heeded
+            is_unhandled = bool(numbers) and handled == before
+            interval = min(2 * interval, _MAX_INTERVAL) if is_unhandled else _FIRST_INTERVAL
+            before = handled
             for number in numbers:
-                if self._handled_count == heeded:  # no handler ran in between
+                if self._handled_count == handled:  # no handler ran in between
                     _send(number)
 
-    def _told(self) -> bytes:
+    def _take_numbers(self) -> bytes:
         """Take the numbers of the signals that have arrived and were not handled."""
         with contextlib.suppress(BlockingIOError):
             return self._ours.recv(4096)

@@ -73,7 +73,7 @@ def get_global_executor() -> Executor:
         if _executor is executor:
             _executor = None
 
-    executor.context.on_shutdown(reset)  # calls it at once if a signal has come
+    executor.context.on_shutdown(reset)  # calls it at once after a signal
     return executor
 
 
@@ -129,12 +129,12 @@ def spin_until_future_complete(
     executor: Executor | None = None,
     timeout_sec: float | None = None,
 ) -> None:
-    """Run the node's callbacks until the future is done, `timeout_sec` seconds at most."""
+    """Run the node's callbacks until the future is done, at most for `timeout_sec` seconds."""
     executor = get_global_executor() if executor is None else executor
     check_spin(executor, future, timeout_sec)
     added = executor.add_node(node)
     try:
         executor.spin_until_future_complete(future, timeout_sec)
     finally:
-        if added:  # else an outer spin has the node and continues with it
+        if added:  # else an outer spin has the node and continues
             executor.remove_node(node)

@@ -1,4 +1,4 @@
-"""What callbacks for events of topics are told."""
+"""The events of publishers and subscriptions, and the objects that their callbacks receive."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import enum
 
 
 class QoSPublisherEventType(enum.IntEnum):
-    """What can happen to a publisher."""
+    """The events of publishers."""
 
     RCL_PUBLISHER_OFFERED_DEADLINE_MISSED = 0
     RCL_PUBLISHER_LIVELINESS_LOST = 1
@@ -17,7 +17,7 @@ class QoSPublisherEventType(enum.IntEnum):
 
 
 class QoSSubscriptionEventType(enum.IntEnum):
-    """What can happen to a subscription."""
+    """The events of subscriptions."""
 
     RCL_SUBSCRIPTION_REQUESTED_DEADLINE_MISSED = 0
     RCL_SUBSCRIPTION_LIVELINESS_CHANGED = 1
@@ -29,7 +29,7 @@ class QoSSubscriptionEventType(enum.IntEnum):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class QoSPublisherMatchedInfo:
-    """How many subscriptions fit a publisher, and how many more than at the last event."""
+    """How many subscriptions match a publisher, and the changes since the last event."""
 
     total_count: int = 0
     total_count_change: int = 0
@@ -39,23 +39,23 @@ class QoSPublisherMatchedInfo:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class QoSSubscriptionMatchedInfo(QoSPublisherMatchedInfo):
-    """How many publishers fit a subscription, and how many more than at the last event."""
+    """How many publishers match a subscription, and the changes since the last event."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class QoSOfferedDeadlineMissedInfo:
-    """How often a publisher was later than it promised."""
+    """How often a publisher missed the deadline that it offers."""
 
     total_count: int = 0
     total_count_change: int = 0
 
 
 class QoSRequestedDeadlineMissedInfo(QoSOfferedDeadlineMissedInfo):
-    """How often a message came later than a subscription wants."""
+    """How often a publisher missed the deadline that a subscription requests."""
 
 
 class QoSLivelinessLostInfo(QoSOfferedDeadlineMissedInfo):
-    """How often a publisher did not say in time that it lives."""
+    """How often a publisher did not declare in time that it is alive."""
 
 
 class QoSMessageLostInfo(QoSOfferedDeadlineMissedInfo):
@@ -63,12 +63,12 @@ class QoSMessageLostInfo(QoSOfferedDeadlineMissedInfo):
 
 
 class IncompatibleTypeInfo(QoSOfferedDeadlineMissedInfo):
-    """How often another type was met on the topic."""
+    """How often an endpoint with another type was found on the topic."""
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class QoSLivelinessChangedInfo:
-    """How many publishers live, and how many do not."""
+    """How many publishers are alive, and how many are not."""
 
     alive_count: int = 0
     alive_count_change: int = 0
@@ -78,7 +78,7 @@ class QoSLivelinessChangedInfo:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class QoSOfferedIncompatibleQoSInfo:
-    """How often a publisher met a subscription that wants more than it offers."""
+    """How often a publisher found a subscription that requests more than the publisher offers."""
 
     total_count: int = 0
     total_count_change: int = 0
@@ -86,4 +86,4 @@ class QoSOfferedIncompatibleQoSInfo:
 
 
 class QoSRequestedIncompatibleQoSInfo(QoSOfferedIncompatibleQoSInfo):
-    """How often a subscription met a publisher that offers less than it wants."""
+    """How often a subscription found a publisher that offers less than it requests."""

@@ -1,4 +1,4 @@
-"""Names by ROS's rules, with rclpy's own exceptions for those that break them."""
+"""ROS's rules for names, with rclpy's exceptions for names that break a rule."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _EXCEPTIONS: dict[str, Callable[[str, str, int], NameValidationException]] = {
 
 
 def kind_of(is_service: bool) -> str:
-    """What a name is called in errors."""
+    """How error messages call a name."""
     return "service name" if is_service else "topic name"
 
 
@@ -43,5 +43,5 @@ def checked(kind: str, name: str, check: Callable[[str], T]) -> T:
 
 
 def ros_problem(error: InvalidName) -> str:
-    """The rule in ROS's words, which say "topic name" for services too."""
+    """The rule in the words of ROS, which call a service name "topic name", too."""
     return error.problem.replace("service name", "topic name", 1)

@@ -23,7 +23,7 @@ _POLL_INTERVAL = 0.02
 
 
 class NodeGraph:
-    """Reads the network on behalf of one node; `Node` documents the methods."""
+    """Reads the graph for one node; `Node` documents the methods."""
 
     def __init__(self, node: NodeInterface) -> None:
         self._node = node

@@ -10,7 +10,7 @@ from ...duration import Duration
 
 
 class QoSPolicyKind(enum.IntEnum):
-    """Names of policies: what an event or an overriding option is about."""
+    """The policies, for events and overriding options."""
 
     INVALID = 1 << 0
     DURABILITY = 1 << 1
@@ -25,12 +25,12 @@ class QoSPolicyKind(enum.IntEnum):
 
 
 def qos_policy_name_from_kind(policy_kind: QoSPolicyKind | int) -> str:
-    """The name of a kind given by its number."""
+    """The name of a kind, such as `DURABILITY`. Raises ValueError for an unknown number."""
     return QoSPolicyKind(policy_kind).name
 
 
 class _PolicyType(enum.EnumType):
-    """Lets programs of long ago write RMW_QOS_POLICY_HISTORY_KEEP_LAST, with a warning."""
+    """Accepts the old names, such as RMW_QOS_POLICY_HISTORY_KEEP_LAST, with a warning."""
 
     def __getattr__(cls, name: str) -> Any:
         kind = cls.__name__.removesuffix("Policy")
@@ -45,21 +45,21 @@ class _PolicyType(enum.EnumType):
 
 
 class QoSPolicyEnum(enum.IntEnum, metaclass=_PolicyType):
-    """What the policies have in common: names that a person can type."""
+    """The base of the policies: adds short names, such as `keep_last`."""
 
     @classmethod
     def short_keys(cls) -> list[str]:
-        """The names as a person types them."""
+        """The short names of all values."""
         return [name.lower() for name in cls.__members__]
 
     @classmethod
     def get_from_short_key(cls, name: str) -> int:
-        """The number of a name, in any case of letters. Raises KeyError."""
+        """The number of a short name, in lower or upper case; raises KeyError for another name."""
         return cls[name.upper()].value
 
     @property
     def short_key(self) -> str:
-        """The name as a person types it."""
+        """The short name."""
         return self.name.lower()
 
 
@@ -83,7 +83,7 @@ class ReliabilityPolicy(QoSPolicyEnum):
 
 
 class DurabilityPolicy(QoSPolicyEnum):
-    """Whether those who come later are given the last messages."""
+    """Whether a late subscription receives the last messages."""
 
     SYSTEM_DEFAULT = 0
     TRANSIENT_LOCAL = 1
@@ -93,7 +93,7 @@ class DurabilityPolicy(QoSPolicyEnum):
 
 
 class LivelinessPolicy(QoSPolicyEnum):
-    """Who says that a publisher is alive."""
+    """Who declares that a publisher is alive: the middleware or the program."""
 
     SYSTEM_DEFAULT = 0
     AUTOMATIC = 1
@@ -103,9 +103,9 @@ class LivelinessPolicy(QoSPolicyEnum):
 
 
 DeadlineBestAvailable = Duration(nanoseconds=2**63 - 2)
-"""The deadline that fits most of the other side."""
+"""The deadline that matches as many endpoints of the other side as possible."""
 LivelinessLeaseDurationeBestAvailable = Duration(nanoseconds=2**63 - 2)
-"""The lease that fits most of the other side (rclpy's spelling)."""
+"""The same for the lease. The misspelt name is that of rclpy."""
 
 
 class Profile(Protocol):
@@ -117,7 +117,7 @@ class Profile(Protocol):
 
     @property
     def durability(self) -> DurabilityPolicy:
-        """Whether late subscriptions receive the last messages."""
+        """Whether a late subscription receives the last messages."""
 
     @property
     def deadline(self) -> Duration:
@@ -125,7 +125,7 @@ class Profile(Protocol):
 
     @property
     def liveliness(self) -> LivelinessPolicy:
-        """Who declares that the publisher is alive."""
+        """Who declares that the publisher is alive: the middleware or the program."""
 
     @property
     def liveliness_lease_duration(self) -> Duration:
@@ -138,42 +138,42 @@ _AUTOMATIC, _MANUAL = LivelinessPolicy.AUTOMATIC, LivelinessPolicy.MANUAL_BY_TOP
 _UNSPECIFIED = Duration()
 
 
-def incompatibilities(offered: Profile, asked: Profile) -> list[str]:
-    """Why a publisher that offers one cannot serve a subscription that asks for the other."""
-    lease, wanted_lease = offered.liveliness_lease_duration, asked.liveliness_lease_duration
+def incompatibilities(offered: Profile, requested: Profile) -> list[str]:
+    """Why a publisher with one profile cannot serve a subscription with the other."""
+    lease, requested_lease = offered.liveliness_lease_duration, requested.liveliness_lease_duration
     cases = {
         "Best effort publisher and reliable subscription": (
-            offered.reliability == _BEST_EFFORT and asked.reliability == _RELIABLE
+            offered.reliability == _BEST_EFFORT and requested.reliability == _RELIABLE
         ),
         "Volatile publisher and transient local subscription": (
-            offered.durability == _VOLATILE and asked.durability == _TRANSIENT_LOCAL
+            offered.durability == _VOLATILE and requested.durability == _TRANSIENT_LOCAL
         ),
         "Subscription has a deadline, but publisher does not": _lacks(
-            offered.deadline, asked.deadline
+            offered.deadline, requested.deadline
         ),
         "Subscription deadline is less than publisher deadline": _exceeds(
-            offered.deadline, asked.deadline
+            offered.deadline, requested.deadline
         ),
         "Publisher's liveliness is automatic and subscription's is manual by topic": (
-            offered.liveliness == _AUTOMATIC and asked.liveliness == _MANUAL
+            offered.liveliness == _AUTOMATIC and requested.liveliness == _MANUAL
         ),
         "Subscription has a liveliness lease duration, but publisher does not": _lacks(
-            lease, wanted_lease
+            lease, requested_lease
         ),
         "Subscription liveliness lease duration is less than publisher": _exceeds(
-            lease, wanted_lease
+            lease, requested_lease
         ),
     }
     return [text for text, applies in cases.items() if applies]
 
 
-def possible_incompatibilities(offered: Profile, asked: Profile) -> list[str]:
-    """Why it cannot be told, where a policy is left to the system."""
-    return [text for doubt in _DOUBTS if (text := doubt.about(offered, asked))]
+def possible_incompatibilities(offered: Profile, requested: Profile) -> list[str]:
+    """Why the profiles may be incompatible: a policy is unknown or left to the system."""
+    return [text for doubt in _DOUBTS if (text := doubt.sentence(offered, requested))]
 
 
 class _Doubt(NamedTuple):
-    """A policy of which a weak publisher cannot serve a strong subscription."""
+    """A policy for which a weak publisher cannot serve a strong subscription."""
 
     policy: str
     weak: QoSPolicyEnum
@@ -181,19 +181,19 @@ class _Doubt(NamedTuple):
     strong: QoSPolicyEnum
     strong_text: str
 
-    def about(self, offered_profile: Profile, asked_profile: Profile) -> str:
-        """The sentence of it; empty where both sides are known or it does not matter."""
+    def sentence(self, offered_profile: Profile, requested_profile: Profile) -> str:
+        """The sentence about this policy; empty if the policy cannot be the problem."""
         offered: QoSPolicyEnum = getattr(offered_profile, self.policy)
-        asked: QoSPolicyEnum = getattr(asked_profile, self.policy)
-        if _is_open(offered) and _is_open(asked):
+        requested: QoSPolicyEnum = getattr(requested_profile, self.policy)
+        if _is_undetermined(offered) and _is_undetermined(requested):
             return (
                 f"Publisher {self.policy} is {offered.short_key}"
-                f" and subscription {self.policy} is {asked.short_key}"
+                f" and subscription {self.policy} is {requested.short_key}"
             )
-        if _is_open(offered) and asked == self.strong:
+        if _is_undetermined(offered) and requested == self.strong:
             return f"{self.strong_text} is {offered.short_key}"
-        if offered == self.weak and _is_open(asked):
-            return f"{self.weak_text} is {asked.short_key}"
+        if offered == self.weak and _is_undetermined(requested):
+            return f"{self.weak_text} is {requested.short_key}"
         return ""
 
 
@@ -222,13 +222,13 @@ _DOUBTS = (
 )
 
 
-def _is_open(policy: QoSPolicyEnum) -> bool:
+def _is_undetermined(policy: QoSPolicyEnum) -> bool:
     return policy.name in ("SYSTEM_DEFAULT", "UNKNOWN")
 
 
-def _lacks(offered: Duration, asked: Duration) -> bool:
-    return offered == _UNSPECIFIED != asked
+def _lacks(offered: Duration, requested: Duration) -> bool:
+    return offered == _UNSPECIFIED != requested
 
 
-def _exceeds(offered: Duration, asked: Duration) -> bool:
-    return _UNSPECIFIED not in (offered, asked) and asked < offered
+def _exceeds(offered: Duration, requested: Duration) -> bool:
+    return _UNSPECIFIED not in (offered, requested) and requested < offered

@@ -61,7 +61,7 @@ class Once(LoggingFilter):
 
 
 class Throttle(LoggingFilter):
-    """Lets a line through when the last one is long enough ago."""
+    """Passes a line if enough time has elapsed since the last line that it passed."""
 
     params: ClassVar[dict[str, Any]] = {
         "throttle_duration_sec": None,
@@ -81,7 +81,7 @@ class Throttle(LoggingFilter):
 
     @staticmethod
     def should_log(context: Context) -> bool:
-        """Whether enough time of its clock has gone by."""
+        """Whether enough time has elapsed on its clock."""
         now = context["throttle_time_source_type"].now().nanoseconds
         if now < context["throttle_last_logged"] + context["throttle_duration_sec"] * 1e9:
             return False
@@ -90,7 +90,7 @@ class Throttle(LoggingFilter):
 
 
 class SkipFirst(LoggingFilter):
-    """Lets every line through but the first."""
+    """Passes every line except the first."""
 
     params: ClassVar[dict[str, Any]] = {"skip_first": None}
 
@@ -116,7 +116,7 @@ supported_filters: OrderedDict[str, type[LoggingFilter]] = OrderedDict(
 def get_filters_from_kwargs(**kwargs: Any) -> list[str]:
     """The names of the filters that these options of a logging call select.
 
-    Raises TypeError for an option that does not exist, or lacks another that it needs.
+    Raises TypeError for an unknown option, and if an option needs another one that is missing.
     """
     wanted = []
     known: list[str] = []

@@ -1,4 +1,4 @@
-"""What a line of the log looks like, by RCUTILS_CONSOLE_OUTPUT_FORMAT."""
+"""Formats the lines of the log by RCUTILS_CONSOLE_OUTPUT_FORMAT."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from typing import NamedTuple
 from ...impl.logging_severity import LoggingSeverity
 
 DEFAULT = "[{severity}] [{time}] [{name}]: {message}"
-"""The format while the environment gives no other."""
+"""The format if the environment sets no other."""
 
 NORMAL = "\033[0m"
-"""What ends a colour."""
+"""Ends a colour."""
 
 _GREEN, _YELLOW, _RED = "\033[32m", "\033[33m", "\033[31m"
 _COLOURS = {10: _GREEN, 20: NORMAL, 30: _YELLOW, 40: _RED, 50: _RED}
 _ESCAPES = {"a": "\a", "b": "\b", "n": "\n", "r": "\r", "t": "\t"}
 _LONGEST = 2047
+"""The characters of a format that ROS reads."""
 
 
 class Record(NamedTuple):
@@ -26,10 +27,10 @@ class Record(NamedTuple):
 
     severity: LoggingSeverity
     name: str
-    """Of the logger."""
+    """The name of the logger."""
     message: str
     nanoseconds: int
-    """Since 1970."""
+    """The time since 1970."""
     function: str
     file: str
     line: int
@@ -59,7 +60,7 @@ _TOKENS: dict[str, Callable[[Record], str]] = {
 
 
 class Format:
-    """A format, read once; what is no token in it stays as it is."""
+    """A format; text that is not a token stays unchanged."""
 
     def __init__(self, text: str) -> None:
         parts = re.split("({(?:" + "|".join(_TOKENS) + ")})", text[:_LONGEST])
@@ -67,7 +68,7 @@ class Format:
         self._between = [_unescaped(part) for part in parts[::2]]
 
     def line(self, record: Record) -> str:
-        """The line for a record, without its end."""
+        """The line for a record, without the line break."""
         pieces = [self._between[0]]
         for token, text in zip(self._tokens, self._between[1:], strict=True):
             pieces += token(record), text

@@ -15,17 +15,17 @@ from ..arguments import Arguments
 from .format import DEFAULT, Format, Record, coloured
 
 SEPARATOR = "."
-"""Between the name of a logger and that of its child."""
+"""Separates the name of a logger from that of its child."""
 
 DEFAULT_LEVEL = int(LoggingSeverity.INFO)
 """The default level of all loggers."""
 
 _levels: dict[str, int] = {"": DEFAULT_LEVEL}
-_effective: dict[str, int] = {}  # a cache: every log call needs it
+_effective: dict[str, int] = {}  # a cache: every log call reads it
 
 
 def set_level(name: str, level: int) -> None:
-    """Set the level of a logger, of all loggers by the name ""."""
+    """Set the level of a logger; the name "" sets the default level of all loggers."""
     _levels[name] = level
     _effective.clear()
 
@@ -60,10 +60,11 @@ def clear_levels() -> None:
 
 
 _rosout: dict[str, weakref.WeakMethod[Callable[[Record], None]]] = {}
-_lock = threading.Lock()  # lines of several threads stay whole
+"""The method that publishes the lines of a logger, by the logger's name."""
+_lock = threading.Lock()  # so that lines of several threads do not mix
 _console: _Console | None = None
 _owners: weakref.WeakSet[object] = weakref.WeakSet()
-"""Contexts that are up."""
+"""The contexts between `init` and `shutdown`."""
 _to_console = True
 _to_rosout = True
 
@@ -95,7 +96,7 @@ class _Console:
 def _write(stream: TextIO, text: str) -> None:
     try:
         stream.write(text)
-    except UnicodeEncodeError:  # the console has another code page
+    except UnicodeEncodeError:  # the encoding of the console lacks a character
         encoding = stream.encoding
         stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
 
@@ -119,7 +120,7 @@ def initialize() -> None:
 
 
 def shut_down() -> None:
-    """Forget all levels; the next line makes the environment be read again."""
+    """Forget all levels; the next line of the log reads the environment again."""
     global _console
     _console = None
     clear_levels()
@@ -174,7 +175,7 @@ def remove_rosout(name: str) -> None:
 
 
 def warn(name: str, message: str) -> None:
-    """Log a warning of this layer under the name of the part of ROS that would log it."""
+    """Log a warning of rclpy under the name of the part of ROS that would log it."""
     if effective_level_of(name) <= LoggingSeverity.WARN:
         log(Record(LoggingSeverity.WARN, name, message, time.time_ns(), "", "", 0))
 

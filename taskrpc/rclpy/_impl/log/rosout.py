@@ -1,4 +1,4 @@
-"""Publishes what a node's loggers log on `/rosout`."""
+"""Publishes the log of a node on `/rosout`."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from . import output
 from .format import Record
 
 TOPIC = "/rosout"
-"""Where the log of all nodes is."""
+"""The topic of the log of all nodes."""
 
 _Log = srvgen.load("rcl_interfaces/msg/Log")
 _Time = srvgen.load("builtin_interfaces/msg/Time")
 
 
 class Rosout:
-    """Takes what is logged under a node's name or its children's; the last of it is kept."""
+    """Publishes the lines of the logger of a node and of its child loggers."""
 
     def __init__(self, node: NodeHandle, name: str, qos_profile: QoSProfile | int) -> None:
         qos = qos_profile if isinstance(qos_profile, QoSProfile) else QoSProfile(depth=qos_profile)
         self._name = name
-        # Not one of the node's own publishers, as in ROS; nor does it keep the node alive.
+        # As in ROS, `Node.publishers` does not list it. It does not keep the node alive.
         self._native = node.bridge.publisher(_Log, TOPIC, qos.to_native())
         remember_profile(self, EndpointTypeEnum.PUBLISHER, node.full_name, TOPIC, qos)
         output.add_rosout(name, self.publish)
 
     def publish(self, record: Record) -> None:
-        """Publish a line of the log, unless no message can hold it or the program has ended."""
+        """Publish a line of the log; do nothing if a message cannot hold it or the program ends."""
         seconds, nanoseconds = divmod(record.nanoseconds, 10**9)
         line = _Log(
             stamp=_Time(sec=seconds, nanosec=nanoseconds),
@@ -48,7 +48,7 @@ class Rosout:
             self._native.publish(line)
 
     def destroy(self) -> None:
-        """Publish no more."""
+        """Stop publishing."""
         output.remove_rosout(self._name)
         self._native.close()
         forget_profile(self)

@@ -1,4 +1,4 @@
-"""The callbacks of a program that settings of parameters go through."""
+"""The callbacks of a program that run when parameters are set."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ PostSetCallback: TypeAlias = Callable[[list[Parameter]], None]
 
 
 class ParameterCallbacks:
-    """Keeps the callbacks of a node; the one that was added last runs first."""
+    """Keeps the callbacks of a node; the callback that was added last runs first."""
 
     def __init__(self) -> None:
         self.pre_set_callbacks: list[PreSetCallback] = []
@@ -44,18 +44,18 @@ class ParameterCallbacks:
         """As `Node.remove_post_set_parameters_callback`."""
         self.post_set_callbacks.remove(callback)
 
-    def _verdict(self, parameters: list[Parameter]) -> Any:
-        """The first refusal of a callback; None where all allow it.
+    def _rejection(self, parameters: list[Parameter]) -> Any:
+        """The result of the first callback that rejects the parameters; None if all accept them.
 
-        Raises AttributeError where a callback returns something else than a verdict.
+        Raises AttributeError if a callback does not return a SetParametersResult.
         """
         for callback in self.on_set_callbacks:
             result = callback(parameters)
             if not hasattr(result, "successful"):
                 name = getattr(callback, "__name__", repr(callback))
                 raise AttributeError(
-                    f"the callback {name}, which add_on_set_parameters_callback was given, returned"
-                    f" {result!r}, expected a SetParametersResult, which has 'successful'"
+                    f"the callback {name} of add_on_set_parameters_callback returned {result!r},"
+                    " expected a SetParametersResult, which has 'successful'"
                 )
             if not result.successful:
                 return result

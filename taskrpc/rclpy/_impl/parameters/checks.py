@@ -1,4 +1,4 @@
-"""Whether a descriptor allows a value: its type, its range, and whether it may change at all."""
+"""Checks a value against a descriptor: its type, its range, and whether it is read-only."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Any
 from ...parameter import Parameter
 
 WRONG_TYPE = "Wrong parameter type"
-"""How the reason begins where the type is another."""
+"""How the reason begins when the value has another type."""
 
 RELATIVE_TOLERANCE = 1e-6
-"""By how much a float may miss the ends and the steps of its range."""
+"""The relative tolerance of floats at the ends and the steps of their range."""
 
 
 def refusal(parameter: Parameter, descriptor: Any, declared: bool, changes: bool) -> str:
-    """Why the parameter cannot be set so; empty when it can.
+    """Why the parameter cannot be set to this value; empty when it can.
 
     Args:
-        parameter: what it would be.
-        descriptor: what it must fit; its type is set to the value's where that may change.
-        declared: whether there is such a parameter already.
-        changes: whether that is a change, which a read-only parameter does not allow.
+        parameter: the parameter with its new value.
+        descriptor: the rules for the value; with dynamic typing, gets the type of the value.
+        declared: whether a parameter of this name is declared already.
+        changes: whether this is a change, which a read-only parameter does not allow.
     """
     if changes and descriptor.read_only:
         return f"Trying to set a read-only parameter: {parameter.name}."
@@ -42,7 +42,7 @@ def refusal(parameter: Parameter, descriptor: Any, declared: bool, changes: bool
 def _outside_integers(parameter: Parameter, limits: Any) -> str:
     least, most = sorted((limits.from_value, limits.to_value))
     value = parameter.value
-    if value in (least, most):  # allowed even where no step leads there
+    if value in (least, most):  # the ends are allowed even if they are not a step
         return ""
     if not least < value < most:
         return f"Parameter {parameter.name} out of range. Min: {least}, Max: {most}, value: {value}"

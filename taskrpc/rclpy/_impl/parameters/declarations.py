@@ -1,4 +1,4 @@
-"""What `declare_parameters` is given: a name, a value or type, a descriptor."""
+"""Reads the tuples of `declare_parameters`: a name, a value or type, a descriptor."""
 
 from __future__ import annotations
 
@@ -16,26 +16,27 @@ from ...validate_parameter_name import validate_parameter_name
 ParameterDescriptor = srvgen.load("rcl_interfaces/msg/ParameterDescriptor")
 
 _HERE = str(Path(__file__).parents[2])
+"""The folder of rclpy."""
 
 
 @dataclass
 class Declaration:
-    """One parameter as it is declared."""
+    """One parameter that is being declared."""
 
     name: str
     value: Any
-    """None where only a type is given."""
+    """None if only a type is given."""
     descriptor: Any
-    """With the type that the parameter has from now on, unless it may change."""
+    """Has the type of the parameter, unless it has dynamic typing."""
 
 
 def declaration(index: int, entry: tuple[Any, ...], namespace: str) -> Declaration:
     """Read the entry at an index of the list.
 
     Raises:
-        TypeError: it has not the form (name, value or type, descriptor).
-        ValueError: it has no type that the parameter could keep.
-        InvalidParameterException: the name is none.
+        TypeError: the entry does not have the form (name, value or type, descriptor).
+        ValueError: a statically typed parameter has no type.
+        InvalidParameterException: the name is empty.
     """
     if not 1 <= len(entry) <= 3:
         raise TypeError(
@@ -110,7 +111,7 @@ def _warn_of_a_name_alone(name: str) -> None:
 
 
 def _levels_to_the_program() -> int:
-    """How many calls up the program is, seen from the function that warns."""
+    """How many calls the program is above the function that warns, for `stacklevel`."""
     levels, frame = 1, sys._getframe(1)
     while frame.f_back is not None and frame.f_code.co_filename.startswith(_HERE):
         levels, frame = levels + 1, frame.f_back

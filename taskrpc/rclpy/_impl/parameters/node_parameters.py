@@ -29,14 +29,14 @@ ParameterEvent = srvgen.load("rcl_interfaces/msg/ParameterEvent")
 SetParametersResult = srvgen.load("rcl_interfaces/msg/SetParametersResult")
 
 PARAMETER_EVENTS = "/parameter_events"
-"""Where every node tells of its parameters' changes."""
+"""The topic on which every node publishes the changes of its parameters."""
 
 
 class NodeParameters(ParameterCallbacks):
     """The parameters of one node; `Node` documents the methods.
 
-    Methods that ROS implements by others of the node's methods call these on the node, so that a
-    program may override them.
+    Where ROS's method calls another method of the node, this class calls it on the node, too: a
+    program may override it.
     """
 
     def __init__(
@@ -46,10 +46,10 @@ class NodeParameters(ParameterCallbacks):
         parameter_overrides: Iterable[Parameter] | None,
         allow_undeclared_parameters: bool,
     ) -> None:
-        """Start with the overrides of the constructor and of the command lines.
+        """Read the overrides of the command lines and of the constructor.
 
-        The last command line comes first. The node must have its name and be able to create
-        publishers.
+        Arguments that come later take precedence. The node must have its name and be able to
+        create publishers.
         """
         super().__init__()
         self._node = node
@@ -65,7 +65,7 @@ class NodeParameters(ParameterCallbacks):
         )
 
     def declare_overrides(self) -> None:
-        """Declare what the overrides name: `automatically_declare_parameters_from_overrides`."""
+        """Declare all overrides, for `automatically_declare_parameters_from_overrides`."""
         overrides = self.overrides.items()
         self._node.declare_parameters(
             "",
@@ -200,11 +200,11 @@ class NodeParameters(ParameterCallbacks):
         descriptors: Mapping[str, Any] | None = None,
         keep_not_set: bool = False,
     ) -> Any:
-        """Set all or none, with new descriptors where given; then tell of it."""
+        """Set all or none, with new descriptors if given; then publish the change."""
         for parameter in parameters:
             if reason := self._refusal(parameter, descriptors):
                 return _refused(reason)
-        if (result := self._verdict(parameters)) is not None:
+        if (result := self._rejection(parameters)) is not None:
             return result
         event = ParameterEvent(node=self._node.get_fully_qualified_name())
         for parameter in parameters:
@@ -213,8 +213,8 @@ class NodeParameters(ParameterCallbacks):
                 self._forget(parameter.name)
             else:
                 is_new = self._node.get_parameter_or(parameter.name).type_ == Parameter.Type.NOT_SET
-                told = event.new_parameters if is_new else event.changed_parameters
-                told.append(parameter.to_parameter_msg())
+                changes = event.new_parameters if is_new else event.changed_parameters
+                changes.append(parameter.to_parameter_msg())
                 self._keep(parameter, descriptors)
         event.stamp = self._node.get_clock().now().to_msg()
         self.event_publisher.publish(event)
@@ -245,7 +245,9 @@ class NodeParameters(ParameterCallbacks):
 
     def list_parameters(self, prefixes: list[str], depth: int) -> Any:
         """As `Node.list_parameters`."""
-        return listed(list(self.parameters), prefixes, depth)  # others may declare meanwhile
+        return listed(
+            list(self.parameters), prefixes, depth
+        )  # a copy: other threads may declare parameters
 
     def describe_parameter(self, name: str) -> Any:
         """As `Node.describe_parameter`."""
@@ -291,11 +293,11 @@ def _check_names(names: Sequence[str]) -> None:
 
 
 def listed(names: Iterable[str], prefixes: object, depth: object) -> Any:
-    """The names that are one of the prefixes or so near below one, with the groups they are in."""
-    checked, most = _checked(prefixes, depth)
+    """The names that match `list_parameters`, with their groups. Raises TypeError, ValueError."""
+    groups, levels = _checked(prefixes, depth)
     result = ListParametersResult()
     for name in names:
-        if _is_listed(name, checked, most):
+        if _is_listed(name, groups, levels):
             result.names.append(name)
             group, separator, _ = name.rpartition(PARAMETER_SEPARATOR_STRING)
             if separator and group not in result.prefixes:
@@ -304,7 +306,7 @@ def listed(names: Iterable[str], prefixes: object, depth: object) -> Any:
 
 
 def _checked(prefixes: object, depth: object) -> tuple[list[str], int]:
-    """Both, if they can be what they are for. Raises TypeError, ValueError."""
+    """The prefixes and the depth. Raises TypeError, ValueError."""
     if not isinstance(prefixes, list):
         raise TypeError("The prefixes argument must be a list")
     if not all(isinstance(prefix, str) for prefix in prefixes):
@@ -317,17 +319,17 @@ def _checked(prefixes: object, depth: object) -> tuple[list[str], int]:
 
 
 def _is_listed(name: str, prefixes: list[str], depth: int) -> bool:
-    """Whether a name is one of the prefixes or near enough below one."""
+    """Whether a name is one of the prefixes, or at most `depth` levels below one."""
     if not prefixes:
-        return _is_near(name, depth)
+        return _is_within(name, depth)
     for prefix in prefixes:
         below = name.removeprefix(prefix + PARAMETER_SEPARATOR_STRING)
-        if name == prefix or (below != name and _is_near(below, depth)):
+        if name == prefix or (below != name and _is_within(below, depth)):
             return True
     return False
 
 
-def _is_near(name: str, depth: int) -> bool:
+def _is_within(name: str, depth: int) -> bool:
     return (
         depth == ListParameters.Request.DEPTH_RECURSIVE
         or name.count(PARAMETER_SEPARATOR_STRING) < depth

@@ -1,6 +1,6 @@
-"""Values of parameters from YAML, by ROS's own rules, which are not those of YAML 1.1.
+"""Reads values of parameters from YAML by the rules of ROS, which are not those of YAML 1.1.
 
-There `1e3` is a float, `010` is octal, `12:30` is a string, and every array has one type.
+In ROS, `1e3` is a float, `010` is octal, `12:30` is a string, and every array has one type.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import yaml
 from taskrpc import yaml_text
 
 Value: TypeAlias = bool | int | float | str | list[bool] | list[int] | list[float] | list[str]
-"""What a parameter can be in a file or on a command line."""
+"""The value of a parameter in a file or on a command line."""
 
 Parameters: TypeAlias = dict[str, dict[str, Value]]
-"""For names of nodes, as they are written with their wildcards: names of parameters and values."""
+"""The values by node name, which may contain wildcards, and by parameter name."""
 
 ROS_PARAMETERS = "ros__parameters"
 """The key above the parameters of a node."""
@@ -39,13 +39,14 @@ _NAMED_FLOATS = {
 }
 _STRING_STYLES = ("'", '"', "|", ">")
 _LONGEST_INTEGER = 100
+"""Characters. Python refuses to convert thousands of digits."""
 _WRITTEN_TAG = re.compile(r"(?:&\S+\s+)?!")
 _INT64 = range(-(2**63), 2**63)
 _TYPE_NAMES = {bool: "bool", int: "integer", float: "double", str: "string"}
 
 
 def read_value(text: str) -> Value:
-    """The value behind `:=` on a command line. Raises ValueError with ROS's words."""
+    """The value after `:=` on a command line. Raises ValueError with the text of ROS."""
     node = _compose(text)
     if node is None:
         raise ValueError("No value at line 1")
@@ -53,7 +54,7 @@ def read_value(text: str) -> Value:
 
 
 def read_file(text: str) -> Parameters:
-    """The parameters of a `--params-file`. Raises ValueError with ROS's words."""
+    """The parameters of a `--params-file`. Raises ValueError with the text of ROS."""
     found: Parameters = {}
     if (node := _compose(text)) is not None:
         _nodes(node, "", found)
@@ -71,7 +72,7 @@ def _compose(text: str) -> yaml.Node | None:
 
 
 def _nodes(node: yaml.Node, prefix: str, found: Parameters) -> None:
-    """Fill in every node below a mapping of namespaces and nodes."""
+    """Add the parameters of every node below a mapping of namespaces and nodes to `found`."""
     if not isinstance(node, yaml.MappingNode):
         line = node.start_mark.line + 1
         raise ValueError(f"Cannot have a value before {ROS_PARAMETERS} at line {line}")
@@ -89,7 +90,7 @@ def _joined(prefix: str, name: str) -> str:
 
 
 def _parameters(node: yaml.Node, prefix: str, found: dict[str, Value]) -> None:
-    """Fill in the parameters of one node; groups are joined to their members by dots."""
+    """Add the parameters of one node to `found`; a dot joins a group and its member."""
     if not isinstance(node, yaml.MappingNode):
         raise ValueError(f"Expected a map of parameters at line {_line(node)}")
     for key, value in node.value:
@@ -155,7 +156,7 @@ def _has_tag(node: yaml.Node) -> bool:
 
 
 def _tagged(node: yaml.ScalarNode, text: str) -> bool | int | float:
-    """A scalar behind `!!bool`, `!!int` or `!!float`, quoted or not."""
+    """A scalar with the tag `!!bool`, `!!int` or `!!float`, quoted or not."""
     name, read = _TAGGED[node.tag]
     value = read(text)
     if value is None:
@@ -166,7 +167,7 @@ def _tagged(node: yaml.ScalarNode, text: str) -> bool | int | float:
 def _integer(text: str) -> int | None:
     """A 64-bit integer; None for anything else."""
     match = _INTEGER.fullmatch(text)
-    if match is None or len(text) > _LONGEST_INTEGER:  # Python refuses thousands of digits
+    if match is None or len(text) > _LONGEST_INTEGER:
         return None
     sign, digits = match.groups()
     base = 16 if digits[:2] in ("0x", "0X") else 8 if digits[0] == "0" else 10

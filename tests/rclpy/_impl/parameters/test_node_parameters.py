@@ -286,7 +286,7 @@ def test_a_callback_without_a_result_is_reported(node):
     node.declare_parameter("a", 0)
     node.add_on_set_parameters_callback(forgetful)
     with pytest.raises(
-        AttributeError, match=r"callback forgetful, .* returned None, expected a Set"
+        AttributeError, match=r"callback forgetful .* returned None, expected a Set"
     ):
         node.try_set(a=1)
     assert node.value("a") == 0
