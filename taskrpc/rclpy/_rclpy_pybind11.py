@@ -1,4 +1,4 @@
-"""What programs import from rclpy's compiled part, mostly its exceptions."""
+"""The names that programs import from the compiled part of rclpy, mostly exceptions."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ rclpy_get_rmw_implementation_identifier = get_rmw_implementation_identifier
 
 
 def rclpy_remove_ros_args(pycli_args: Sequence[str]) -> list[str]:
-    """The arguments of a command line that are not ROS's.
+    """The arguments of a command line that do not belong to ROS.
 
     Raises RuntimeError for ROS arguments that do not exist or cannot be read.
     """
@@ -48,14 +48,11 @@ def rclpy_remove_ros_args(pycli_args: Sequence[str]) -> list[str]:
 
 
 class rmw_qos_profile_t:
-    """Profiles as C has them, by their names."""
+    """The predefined profiles by name."""
 
     @staticmethod
     def predefined(qos_profile_name: str) -> Any:
-        """The profile `rclpy.qos` has by this name; its `to_dict()` makes another such.
-
-        Raises ValueError for a name that is none.
-        """
+        """The profile of `rclpy.qos` with this name. Raises ValueError for an unknown name."""
         from . import qos
 
         profile = getattr(qos, qos_profile_name, None)

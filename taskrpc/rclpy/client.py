@@ -49,7 +49,7 @@ _FOR_OTHERS = 1.0
 
 
 class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
-    """Calls one service; `Node.create_client` makes one.
+    """Calls one service; `Node.create_client` creates it.
 
     Responses complete the futures only while a thread spins the node.
     """
@@ -108,7 +108,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         return self._outbox.waits and not self._native.is_known()
 
     def oldest_response(self) -> tuple[int, Future[Any]]:
-        """The number and the future of the response that waits longest to be taken.
+        """The call number and the future of the oldest response that waits to be taken.
 
         Raises LookupError when no response waits or nothing waits for the response.
         """
@@ -119,7 +119,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         """Call the service and wait for the response, while another thread spins the node.
 
         Raises TimeoutError after `timeout_sec` seconds (`--like-ros` returns None, as Jazzy does),
-        TypeError for another type's request, WouldDeadlock in a callback that prevents the
+        TypeError for a request of another type, WouldDeadlock in a callback that prevents the
         response from being taken, ExternalShutdownException some seconds after the shutdown.
         """
         callback = check_call(self, timeout_sec)
@@ -161,7 +161,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         """Send a request and return the future of its response.
 
         While the service has no server, the request waits for one. Raises TypeError
-        for another type's request, InvalidRequest for a value that does not fit its field.
+        for a request of another type, InvalidRequest for a value that does not fit its field.
         """
         if not isinstance(request, self.srv_type.Request):
             raise TypeError(self._expected(request))

@@ -1,4 +1,4 @@
-"""Which clock a time was read from."""
+"""The kinds of clocks."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ import enum
 
 
 class ClockType(enum.IntEnum):
-    """Times of different clocks cannot be compared or subtracted."""
+    """The kinds of clocks; times of different kinds cannot be compared or subtracted."""
 
     ROS_TIME = 1
-    """The system's time, or what arrives on `/clock` while `use_sim_time` is set."""
+    """The system time, or the time from `/clock` while `use_sim_time` is true."""
     SYSTEM_TIME = 2
-    """Since 1970; may jump."""
+    """The time since 1970; may jump."""
     STEADY_TIME = 3
-    """Since some moment; never jumps."""
+    """The time since an unspecified moment; never jumps."""

@@ -1,4 +1,4 @@
-"""How many nanoseconds a second has."""
+"""Constants of rclpy."""
 
 S_TO_NS = 1_000_000_000
 """Nanoseconds of one second."""

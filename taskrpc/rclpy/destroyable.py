@@ -1,4 +1,4 @@
-"""The shape of what can be destroyed while others may still use it."""
+"""The type of handles, for annotations."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from typing import Any, Protocol
 
 
 class DestroyableType(Protocol):
-    """What every handle can do, for type hints."""
+    """The methods of every handle."""
 
     def __enter__(self) -> Any: ...
 
     def __exit__(self, *exc_info: object) -> None: ...
 
     def destroy_when_not_in_use(self) -> None:
-        """End it as soon as nobody is inside of `with`."""
+        """Destroy it when no `with` block uses it any more."""

@@ -80,4 +80,4 @@ def _message() -> Any:
 
 
 Infinite = Duration(nanoseconds=2**63 - 1)
-"""What never ends."""
+"""The longest duration, which stands for an infinite one."""

@@ -1,7 +1,7 @@
 """Events of publishers and subscriptions: matches, and incompatible QoS or types.
 
-This layer does not watch deadlines, leases and losses. A program with callbacks for them runs as
-on a network where none of them happens; one line in its log says so.
+taskrpc does not watch deadlines, leases and losses. The callbacks of a program for these events
+never run; a line in the log of the program says this.
 """
 
 from __future__ import annotations
@@ -197,11 +197,14 @@ class Events:
         )
         self._matched_info = QoSSubscriptionMatchedInfo if subscribes else QoSPublisherMatchedInfo
         self._matches = 0
+        """The last reported number of matching endpoints."""
         self._native: NativePublisher | NativeSubscription | None = None
         self._watches = False
+        """Whether the native endpoint reports its matches."""
         self._handlers: tuple[EventHandler, ...] = ()
         """Replaced as a whole: the loop's thread reads it while programs add handlers."""
         self._own: list[EventHandler] = []
+        """The handlers of `event_callbacks`; `destroy` destroys only these."""
         asked = [one.name for one in dataclasses.fields(callbacks) if one.name not in _REPORTED]
         if missing := [name for name in asked if callable(getattr(callbacks, name))]:
             node.get_logger().warning(
@@ -282,7 +285,7 @@ class Events:
             raise
 
     def destroy(self) -> None:
-        """Destroy the handlers."""
+        """Destroy the handlers of `event_callbacks`."""
         for handler in self._own:
             handler.destroy()
             self._node.remove_waitable(handler)

@@ -1,4 +1,4 @@
-"""Everything that rclpy raises by a name of its own."""
+"""The exceptions of rclpy."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from typing import Any
 
 
 class NotInitializedException(Exception):
-    """Something needs a context, and `rclpy.init()` has not been called for it."""
+    """An operation needs a context for which `rclpy.init()` was not called."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__("rclpy.init() has not been called", *args)
 
 
 class NoTypeSupportImportedException(Exception):
-    """A class was given as a message type that is none."""
+    """A class that is not a message type was used as one."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__("no type_support imported", *args)
@@ -24,27 +24,27 @@ class RCLError(RuntimeError):
 
 
 class InvalidHandle(Exception):
-    """A node, client, timer … is used after it was destroyed."""
+    """A node, client, timer or other entity is used after it was destroyed."""
 
 
 class TimerCancelledError(RCLError):
-    """A timer is called that was cancelled."""
+    """A cancelled timer is called."""
 
 
 class NodeNameNonExistentError(RCLError):
-    """A question about a node that nobody sees."""
+    """The graph has no node of this name."""
 
 
 class RCLInvalidROSArgsError(RCLError):
-    """`--ros-args` with something behind it that cannot be read."""
+    """An argument after `--ros-args` is invalid."""
 
 
 class UnknownROSArgsError(RuntimeError):
-    """`--ros-args` with an option behind it that ROS does not know."""
+    """An option after `--ros-args` is unknown to ROS."""
 
 
 class UnsupportedEventTypeError(RCLError):
-    """An event that this layer never reports."""
+    """taskrpc never reports this event."""
 
 
 for _shown in (
@@ -98,14 +98,14 @@ class InvalidServiceNameException(NameValidationException):
 
 
 class ParameterException(Exception):
-    """What every error about parameters is; the message ends with their names."""
+    """The base class of errors about parameters; the message ends with their names."""
 
     def __init__(self, error_msg: str, parameters: str | list[str], *args: Any) -> None:
         super().__init__(f"{error_msg}: {parameters}", *args)
 
 
 class ParameterNotDeclaredException(ParameterException):
-    """A parameter is used that nobody declared."""
+    """An undeclared parameter is used."""
 
     def __init__(self, parameters: str | list[str], *args: Any) -> None:
         super().__init__("Invalid access to undeclared parameter(s)", parameters, *args)
@@ -119,14 +119,14 @@ class ParameterAlreadyDeclaredException(ParameterException):
 
 
 class InvalidParameterException(ParameterException):
-    """A parameter is declared by a name that ROS refuses."""
+    """A parameter is declared with a name that ROS refuses."""
 
     def __init__(self, parameter: str, *args: Any) -> None:
         super().__init__("Invalid parameter name", parameter, *args)
 
 
 class InvalidParameterTypeException(ParameterException):
-    """A parameter is set to a value of another type than it was declared with."""
+    """A parameter is set to a value that does not have its declared type."""
 
     def __init__(self, parameter: Any, expected_type: Any, *args: Any) -> None:
         got = type(parameter).Type.from_parameter_value(parameter.value).name
@@ -139,7 +139,7 @@ class InvalidParameterTypeException(ParameterException):
 
 
 class InvalidParameterValueException(ParameterException):
-    """A descriptor's range or a callback of the program refuses a parameter's value."""
+    """The range of a descriptor or a callback of the program rejects a value."""
 
     def __init__(self, parameter: str, value: Any, reason: str, *args: Any) -> None:
         super().__init__(
@@ -148,14 +148,14 @@ class InvalidParameterValueException(ParameterException):
 
 
 class ParameterImmutableException(ParameterException):
-    """A read-only parameter is to be changed."""
+    """The program tries to change a read-only parameter."""
 
     def __init__(self, parameter: str, *args: Any) -> None:
         super().__init__("Attempted to modify read-only parameter", parameter, *args)
 
 
 class ParameterUninitializedException(ParameterException):
-    """A parameter is read that was declared without a value."""
+    """A parameter that was declared without a value is read."""
 
     def __init__(self, parameter: str, *args: Any) -> None:
         super().__init__(f"The parameter '{parameter}' is not initialized", parameter, *args)

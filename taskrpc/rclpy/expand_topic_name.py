@@ -1,4 +1,4 @@
-"""What a relative or private topic name means for a node."""
+"""Expands the relative or private name of a topic."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from taskrpc.errors import InvalidName
 
 
 def expand_topic_name(topic_name: str, node_name: str, node_namespace: str) -> str:
-    """The absolute name: `x` lies in the namespace, `~/x` under the node, `{node}` is its name.
+    """The absolute name: `x` is in the namespace, `~/x` under the node, `{node}` is its name.
 
     Raises ValueError for a name that breaks a rule, and for an unknown substitution.
     """

@@ -1,4 +1,4 @@
-"""What a node of the graph has, by name and type."""
+"""The topics and services of the graph, with their types."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def get_publisher_names_and_types_by_node(
 def get_subscriber_names_and_types_by_node(
     node: Node, remote_node_name: str, remote_node_namespace: str, no_demangle: bool = False
 ) -> NamesAndTypes:
-    """The topics that a node reads; raises NodeNameNonExistentError for an unknown node."""
+    """The topics that a node subscribes to; NodeNameNonExistentError for an unknown node."""
     return node.get_subscriber_names_and_types_by_node(
         remote_node_name, remote_node_namespace, no_demangle
     )
@@ -44,10 +44,10 @@ def get_client_names_and_types_by_node(
 
 
 def get_topic_names_and_types(node: Node, no_demangle: bool = False) -> NamesAndTypes:
-    """All topics."""
+    """All topics with their types."""
     return node.get_topic_names_and_types(no_demangle)
 
 
 def get_service_names_and_types(node: Node) -> NamesAndTypes:
-    """All services."""
+    """All services with their types."""
     return node.get_service_names_and_types()

@@ -1,4 +1,4 @@
-"""Parameters: a name, a type and a value, as Python has them and as messages have them."""
+"""Parameters, which have a name, a type and a value, and their messages."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ ParameterType = srvgen.load("rcl_interfaces/msg/ParameterType")
 ParameterValue = srvgen.load("rcl_interfaces/msg/ParameterValue")
 
 PARAMETER_SEPARATOR_STRING = "."
-"""Stands between the parts of a parameter's name."""
+"""Separates the parts of a parameter name."""
 
 AllowableParameterValue: TypeAlias = (
     bool
@@ -31,7 +31,7 @@ AllowableParameterValue: TypeAlias = (
     | Sequence[str]
     | None
 )
-"""What the value of a parameter can be."""
+"""The types of parameter values."""
 
 _ROS_PARAMETERS = "ros__parameters"
 
@@ -52,7 +52,7 @@ class _ParameterKind(enum.Enum):
 
     @classmethod
     def from_parameter_value(cls, parameter_value: object) -> _ParameterKind:
-        """The type of a value. Raises TypeError for what no parameter can be."""
+        """The type of a value. Raises TypeError for a value that no parameter can have."""
         if parameter_value is None:
             return cls.NOT_SET
         for python_type, kind in _SCALARS.items():
@@ -88,14 +88,14 @@ class _ParameterKind(enum.Enum):
 
     @property
     def _field(self) -> str:
-        """The field of a ParameterValue that a value of this type stands in."""
+        """The field of a ParameterValue that holds a value of this type."""
         return f"{self.name.lower()}_value"
 
 
 _ParameterKind.__name__ = "Type"
 _ParameterKind.__qualname__ = "Parameter.Type"
 
-# In this order: a bool is an int, too, and an empty list is one of bytes.
+# The order matters: a bool is also an int, and an empty list has the type of the first entry.
 _SCALARS = {
     bool: _ParameterKind.BOOL,
     int: _ParameterKind.INTEGER,
@@ -112,10 +112,10 @@ _ARRAYS = {
 
 
 class Parameter:
-    """One parameter: `Parameter("speed", value=1.5)`, or with its type between the two.
+    """One parameter: `Parameter("speed", value=1.5)`; the type may come before the value.
 
-    Raises TypeError for a type that is none and a value that no parameter can have, ValueError
-    where the value is not of the type.
+    Raises TypeError for an invalid type and for a value that no parameter can have, ValueError if
+    the value does not have the type.
     """
 
     Type: TypeAlias = _ParameterKind
@@ -141,18 +141,18 @@ class Parameter:
 
     @classmethod
     def from_parameter_msg(cls, param_msg: Any) -> Parameter:
-        """The parameter of a `rcl_interfaces/msg/Parameter`."""
+        """Create a parameter from a `rcl_interfaces/msg/Parameter`."""
         kind = _ParameterKind(param_msg.value.type)
         value = None
         if kind is not _ParameterKind.NOT_SET:
             value = getattr(param_msg.value, kind._field)
-        if isinstance(value, array.array):  # of the class that ROS's messages have
+        if isinstance(value, array.array):  # ROS's messages have a subclass of it
             value = array.array(value.typecode, value)
         return cls(param_msg.name, kind, value)
 
     @property
     def name(self) -> str:
-        """The full name, with dots between its parts."""
+        """The full name; dots separate its parts."""
         return self._name
 
     @property
@@ -162,7 +162,7 @@ class Parameter:
 
     @property
     def value(self) -> Any:
-        """The value; None where it is not set."""
+        """The value; None if it is not set."""
         return self._value
 
     def get_parameter_value(self) -> Any:
@@ -178,7 +178,7 @@ class Parameter:
 
 
 def get_parameter_value(string_value: str) -> Any:
-    """The ParameterValue of a text that a user typed: YAML, or else a string."""
+    """The ParameterValue of a text that a user typed: YAML, or a string if it is not YAML."""
     import yaml  # few programs need it
 
     from taskrpc import yaml_text
@@ -201,9 +201,9 @@ def get_parameter_value(string_value: str) -> Any:
 
 
 def parameter_value_to_python(parameter_value: Any) -> Any:
-    """The value of a ParameterValue; None where it is not set.
+    """The value of a ParameterValue; None if it is not set.
 
-    Raises RuntimeError for a type that there is not.
+    Raises RuntimeError for an unknown type.
     """
     try:
         kind = _ParameterKind(parameter_value.type)
@@ -221,17 +221,16 @@ def parameter_dict_from_yaml_file(
     target_nodes: list[str] | None = None,
     namespace: str = "",
 ) -> dict[str, Any]:
-    """The parameters in a file such as `ros2 param dump` writes, as messages by their names.
+    """The parameters of a file such as `ros2 param dump` writes: messages by parameter name.
 
     Args:
-        parameter_file: where the file is.
-        use_wildcard: whether those below names with `*` are meant too; those of a node's own name
-            come before them.
-        target_nodes: the only nodes that are meant.
-        namespace: goes in front of every name.
+        parameter_file: the path of the file.
+        use_wildcard: whether to include node names with `*`; the node's own name has precedence.
+        target_nodes: the nodes whose parameters to return; all nodes by default.
+        namespace: a prefix of every parameter name.
 
     Raises:
-        RuntimeError: nothing in the file is meant, or a node there has no parameters.
+        RuntimeError: the file has no parameters for these nodes, or is not a parameter file.
     """
     from taskrpc import platform, yaml_text
 
@@ -241,7 +240,7 @@ def parameter_dict_from_yaml_file(
     chosen = False
     for is_wild in (True, False) if use_wildcard else (False,):
         for name, parameters in nodes:
-            if ("*" in name) is is_wild and _is_meant(name, target_nodes):
+            if ("*" in name) is is_wild and _is_selected(name, target_nodes):
                 chosen = True
                 found.update(parameters)
     if not chosen:
@@ -253,10 +252,10 @@ def parameter_dict_from_yaml_file(
     return dict(_flat(namespace, found))
 
 
-def _is_meant(name: str, target_nodes: list[str] | None) -> bool:
-    """Whether a name in the file stands for one of the nodes, or for any if none are given.
+def _is_selected(name: str, target_nodes: list[str] | None) -> bool:
+    """Whether a name in the file selects one of the nodes; always True without target nodes.
 
-    `/**/name` needs a namespace here; on a command line's `--params-file` it does not.
+    Here `/**/name` selects only nodes in a namespace; with `--params-file` it selects all nodes.
     """
     targets = [f"/{node.lstrip('/')}" for node in target_nodes or ()]
     if name.startswith("/**/"):
@@ -265,7 +264,7 @@ def _is_meant(name: str, target_nodes: list[str] | None) -> bool:
 
 
 def _nodes(content: Any, prefix: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
-    """The names of nodes, with namespaces that are written above them, and their parameters."""
+    """The fully qualified names of the nodes in a file, and their parameters."""
     if not isinstance(content, dict):
         raise RuntimeError("YAML file is not a valid ROS parameter file: expected a mapping")
     for key, below in content.items():
@@ -280,7 +279,7 @@ def _nodes(content: Any, prefix: str = "") -> Iterator[tuple[str, dict[str, Any]
 
 
 def _flat(prefix: str, parameters: dict[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Parameters of groups by their full names."""
+    """The parameters, also those in groups, by full name."""
     for name, value in parameters.items():
         full = f"{prefix}{name}"
         if isinstance(value, dict):

@@ -26,18 +26,18 @@ if TYPE_CHECKING:
 
 Done: TypeAlias = Callable[[Future[Any]], object]
 
-_LOOK = 0.05
-"""Seconds between two looks for services that are not all there."""
+_POLL_INTERVAL = 0.05
+"""Seconds between two checks while a program waits for the services."""
 
 
 class AsyncParameterClient:
-    """Calls the parameter services of one node; futures complete while somebody spins.
+    """Calls the parameter services of one node; futures complete while a thread spins `node`.
 
     Args:
-        node: makes the clients.
-        remote_node_name: whose parameters they are about, such as `robot` or `/ns/robot`.
-        qos_profile: of the clients.
-        callback_group: of the clients.
+        node: creates the clients.
+        remote_node_name: the node that has the parameters, such as `robot` or `/ns/robot`.
+        qos_profile: the profile of the clients.
+        callback_group: the callback group of the clients.
     """
 
     def __init__(
@@ -72,13 +72,13 @@ class AsyncParameterClient:
         return all(client.service_is_ready() for client in self._clients())
 
     def wait_for_services(self, timeout_sec: float | None = None) -> bool:
-        """Wait until the node offers all six, at most `timeout_sec` seconds; whether it does."""
+        """Wait for all six services, at most `timeout_sec` seconds; returns whether they exist."""
         end = None if timeout_sec is None else time.monotonic() + timeout_sec
         while not self.services_are_ready():
-            left = _LOOK if end is None else end - time.monotonic()
+            left = _POLL_INTERVAL if end is None else end - time.monotonic()
             if left <= 0 or not self.node.context.ok():
                 return False
-            time.sleep(min(left, _LOOK))
+            time.sleep(min(left, _POLL_INTERVAL))
         return True
 
     def list_parameters(
@@ -87,49 +87,49 @@ class AsyncParameterClient:
         depth: int | None = None,
         callback: Done | None = None,
     ) -> Future[Any]:
-        """Ask for the names of parameters, below prefixes and so many parts deep if given."""
+        """Request the names of parameters, below these prefixes and at most `depth` levels deep."""
         request = ListParameters.Request(prefixes=prefixes or [], depth=depth or 0)
         return _call(self._list_parameter_client, request, callback)
 
     def get_parameters(self, names: list[str], callback: Done | None = None) -> Future[Any]:
-        """Ask for values; none comes where one of the names is not declared."""
+        """Request values; the response has no values if one of the names is not declared."""
         request = GetParameters.Request(names=names)
         return _call(self._get_parameter_client, request, callback)
 
     def set_parameters(
         self, parameters: Sequence[Any], callback: Done | None = None
     ) -> Future[Any]:
-        """Set one after the other: each a `Parameter` or its message."""
+        """Set parameters one after the other; each is a `Parameter` or its message."""
         request = SetParameters.Request(parameters=_messages(parameters))
         return _call(self._set_parameter_client, request, callback)
 
     def describe_parameters(self, names: list[str], callback: Done | None = None) -> Future[Any]:
-        """Ask for descriptors."""
+        """Request descriptors."""
         request = DescribeParameters.Request(names=names)
         return _call(self._describe_parameters_client, request, callback)
 
     def get_parameter_types(self, names: list[str], callback: Done | None = None) -> Future[Any]:
-        """Ask for the numbers of types."""
+        """Request the numbers of the types."""
         request = GetParameterTypes.Request(names=names)
         return _call(self._get_parameter_types_client, request, callback)
 
     def set_parameters_atomically(
         self, parameters: Sequence[Any], callback: Done | None = None
     ) -> Future[Any]:
-        """Set all or none: each a `Parameter` or its message."""
+        """Set all parameters or none; each is a `Parameter` or its message."""
         request = SetParametersAtomically.Request(parameters=_messages(parameters))
         return _call(self._set_parameters_atomically_client, request, callback)
 
     def delete_parameters(self, names: list[str], callback: Done | None = None) -> Future[Any]:
-        """Undeclare parameters whose type may change; the others stay."""
+        """Undeclare parameters; those without dynamic typing stay."""
         return self.set_parameters([Parameter(name) for name in names], callback)
 
     def load_parameter_file(
         self, parameter_file: str, use_wildcard: bool = False, callback: Done | None = None
     ) -> Future[Any]:
-        """Set what a YAML file says, one after the other.
+        """Set the parameters of a YAML file, one after the other.
 
-        Raises RuntimeError for a file that is none of parameters.
+        Raises RuntimeError for a file that is not a parameter file.
         """
         found = parameter_dict_from_yaml_file(parameter_file, use_wildcard)
         return self.set_parameters(list(found.values()), callback)
@@ -137,9 +137,9 @@ class AsyncParameterClient:
     def load_parameter_file_atomically(
         self, parameter_file: str, use_wildcard: bool = False, callback: Done | None = None
     ) -> Future[Any]:
-        """Set what a YAML file says, all or nothing.
+        """Set all parameters of a YAML file, or none.
 
-        Raises RuntimeError for a file that is none of parameters.
+        Raises RuntimeError for a file that is not a parameter file.
         """
         found = parameter_dict_from_yaml_file(parameter_file, use_wildcard)
         return self.set_parameters_atomically(list(found.values()), callback)
@@ -154,7 +154,7 @@ class AsyncParameterClient:
         qos_overriding_options: Any = None,
         raw: bool = False,
     ) -> Subscription[Any]:
-        """Have `callback(event)` called for changes of every node's parameters."""
+        """Call `callback(event)` when parameters of any node change."""
         from ._impl.parameters.node_parameters import PARAMETER_EVENTS, ParameterEvent
 
         return self.node.create_subscription(

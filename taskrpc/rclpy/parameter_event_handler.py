@@ -1,4 +1,4 @@
-"""Callbacks for changes of parameters, of this node or any other."""
+"""Callbacks for changes of parameters, of this node and other nodes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class ParameterCallbackHandle:
-    """A callback for one parameter of one node: keep it to remove the callback."""
+    """The registration of a callback for one parameter of one node; needed to remove it."""
 
     def __init__(
         self, parameter_name: str, node_name: str, callback: Callable[[Any], object]
@@ -31,7 +31,7 @@ class ParameterCallbackHandle:
 
 
 class ParameterEventCallbackHandle:
-    """A callback for all changes: keep it to remove the callback."""
+    """The registration of a callback for all changes; needed to remove it."""
 
     def __init__(self, callback: Callable[[Any], object]) -> None:
         self.callback = callback
@@ -39,19 +39,19 @@ class ParameterEventCallbackHandle:
 
 
 class ParameterEventHandler:
-    """Calls back when parameters change, while somebody spins the node.
+    """Runs callbacks when parameters change, while a thread spins the node.
 
     Args:
-        node: reads `/parameter_events`.
-        qos_profile: of that subscription.
-        callback_group: of that subscription.
-        event_callbacks: of that subscription.
-        qos_overriding_options: of that subscription.
-        raw: whether events are handed on as bytes.
+        node: subscribes to `/parameter_events`; the next arguments are for this subscription.
+        qos_profile: the profile.
+        callback_group: the callback group.
+        event_callbacks: callbacks for events such as incompatible publishers.
+        qos_overriding_options: the policies that parameters can set.
+        raw: whether the callbacks receive the events as bytes.
     """
 
     class Callbacks:
-        """What is called when; the one that was added last comes first."""
+        """The callbacks; the callback that was added last runs first."""
 
         def __init__(self) -> None:
             self.parameter_callbacks: dict[tuple[str, str], list[ParameterCallbackHandle]] = (
@@ -61,7 +61,7 @@ class ParameterEventHandler:
             self.mutex = threading.Lock()
 
         def event_callback(self, event: Any) -> None:
-            """Call whoever is concerned by an event."""
+            """Run the callbacks for the parameters in an event, then those for all events."""
             with self.mutex:
                 by_parameter = [(key, list(all_)) for key, all_ in self.parameter_callbacks.items()]
                 by_event = list(self.event_callbacks)
@@ -72,21 +72,21 @@ class ParameterEventHandler:
                 for handle in handles if parameter is not None else ():
                     with handle.mutex:
                         handle.callback(parameter)
-            for told in by_event:
-                with told.mutex:
-                    told.callback(event)
+            for registered in by_event:
+                with registered.mutex:
+                    registered.callback(event)
 
         def add_parameter_callback(
             self, parameter_name: str, node_name: str, callback: Callable[[Any], object]
         ) -> ParameterCallbackHandle:
-            """Call back when this node's parameter changes; the node by its full name."""
+            """Add a callback for a parameter of a node, given the full name of the node."""
             handle = ParameterCallbackHandle(parameter_name, node_name, callback)
             with self.mutex:
                 self.parameter_callbacks[parameter_name, node_name].insert(0, handle)
             return handle
 
         def remove_parameter_callback(self, handle: ParameterCallbackHandle) -> None:
-            """Call it no more. Raises RuntimeError for one that is not there."""
+            """Remove a callback. Raises RuntimeError for one that was not added."""
             key = (handle.parameter_name, handle.node_name)
             with self.mutex:
                 if handle not in self.parameter_callbacks.get(key, ()):
@@ -98,14 +98,14 @@ class ParameterEventHandler:
         def add_parameter_event_callback(
             self, callback: Callable[[Any], object]
         ) -> ParameterEventCallbackHandle:
-            """Call back for every event."""
+            """Add a callback for every event."""
             handle = ParameterEventCallbackHandle(callback)
             with self.mutex:
                 self.event_callbacks.insert(0, handle)
             return handle
 
         def remove_parameter_event_callback(self, handle: ParameterEventCallbackHandle) -> None:
-            """Call it no more. Raises RuntimeError for one that is not there."""
+            """Remove a callback. Raises RuntimeError for one that was not added."""
             with self.mutex:
                 if handle not in self.event_callbacks:
                     raise RuntimeError("Callback doesn't exist")
@@ -123,11 +123,12 @@ class ParameterEventHandler:
         self.node = node
         self.qos_profile = qos_profile
         self._callbacks = ParameterEventHandler.Callbacks()
-        self._wanted: frozenset[str] = frozenset()
+        self._node_filter: frozenset[str] = frozenset()
+        """The only nodes whose events are used; empty for all nodes."""
         self.parameter_event_subscription = node.create_subscription(
             ParameterEvent,
             PARAMETER_EVENTS,
-            self._came,
+            self._on_event,
             qos_profile,
             callback_group=callback_group,
             event_callbacks=event_callbacks,
@@ -136,12 +137,12 @@ class ParameterEventHandler:
         )
 
     def destroy(self) -> None:
-        """Call nobody any more."""
+        """Stop receiving events."""
         self.node.destroy_subscription(self.parameter_event_subscription)
 
     @staticmethod
     def get_parameter_from_event(event: Any, parameter_name: str, node_name: str) -> Any:
-        """The message of a node's parameter, if an event says that it is new or changed."""
+        """The message of a parameter that an event says is new or changed; None otherwise."""
         if event.node != node_name:
             return None
         for parameter in ParameterEventHandler.get_parameters_from_event(event):
@@ -157,38 +158,38 @@ class ParameterEventHandler:
     def add_parameter_callback(
         self, parameter_name: str, node_name: str, callback: Callable[[Any], object]
     ) -> ParameterCallbackHandle:
-        """Have `callback(parameter message)` called when a node's parameter is set.
+        """Call `callback(parameter message)` when a parameter of a node is set.
 
-        A name without a slash in front is in this node's namespace; an empty one is this node.
+        A node name without a leading slash is in this node's namespace; "" means this node.
         """
         return self._callbacks.add_parameter_callback(
             parameter_name, self._resolve_path(node_name), callback
         )
 
     def remove_parameter_callback(self, handle: ParameterCallbackHandle) -> None:
-        """Call it no more. Raises RuntimeError for one that is not there."""
+        """Remove a callback. Raises RuntimeError for one that was not added."""
         self._callbacks.remove_parameter_callback(handle)
 
     def add_parameter_event_callback(
         self, callback: Callable[[Any], object]
     ) -> ParameterEventCallbackHandle:
-        """Have `callback(event message)` called for every event."""
+        """Call `callback(event message)` for every event."""
         return self._callbacks.add_parameter_event_callback(callback)
 
     def remove_parameter_event_callback(self, handle: ParameterEventCallbackHandle) -> None:
-        """Call it no more. Raises RuntimeError for one that is not there."""
+        """Remove a callback. Raises RuntimeError for one that was not added."""
         self._callbacks.remove_parameter_event_callback(handle)
 
     def configure_nodes_filter(self, node_names: list[str] | None = None) -> bool:
-        """Heed the events of these nodes only, by their full names; without names, of all again.
+        """Use only the events of these nodes, given their full names; without names, of all nodes.
 
-        Always True, as ROS says where its middleware can do so.
+        Always returns True, as ROS does if the middleware supports filters.
         """
-        self._wanted = frozenset(node_names or ())
+        self._node_filter = frozenset(node_names or ())
         return True
 
-    def _came(self, event: Any) -> None:
-        if not self._wanted or event.node in self._wanted:
+    def _on_event(self, event: Any) -> None:
+        if not self._node_filter or event.node in self._node_filter:
             self._callbacks.event_callback(event)
 
     def _resolve_path(self, node_path: str | None = None) -> str:

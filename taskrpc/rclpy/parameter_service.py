@@ -1,4 +1,4 @@
-"""The six services by which other programs get and set a node's parameters."""
+"""The six services with which other programs get and set the parameters of a node."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ SetParametersAtomically = srvgen.load("rcl_interfaces/srv/SetParametersAtomicall
 
 
 class ParameterService:
-    """Offers the services of one node: `/node/get_parameters` and its five sisters.
+    """Offers the parameter services of one node, such as `/node/get_parameters`.
 
-    A question about an undeclared parameter is answered with nothing, as ROS does.
+    As in ROS, the response about an undeclared parameter is empty.
     """
 
     def __init__(self, node: NodeInterface) -> None:
@@ -92,7 +92,7 @@ class ParameterService:
         return response
 
     def _set(self, parameters: Any) -> Any:
-        """Set all or none, and say so: what other programs send never ends this one's spin."""
+        """Set all or none. An invalid request must not end the spin of this program."""
         try:
             wanted = [Parameter.from_parameter_msg(one) for one in parameters]
             return self._get_node().set_parameters_atomically(wanted)

@@ -1,4 +1,4 @@
-"""Quality of service: what a publisher offers, what a subscription asks for, by ROS's names."""
+"""Quality of service profiles: what a publisher offers and a subscription requests."""
 
 from __future__ import annotations
 
@@ -74,7 +74,8 @@ _POLICIES = (
 )
 _UNSPECIFIED = Duration()
 _DEFAULT_DEPTH = 10
-_ALL = 5000  # a reader that never catches up must not take all memory; DDS has such a limit, too
+_KEEP_ALL_DEPTH = 5000
+"""With KEEP_ALL: a slow subscriber must not use up the memory; DDS has such a limit, too."""
 
 
 class InvalidQoSProfileException(Exception):
@@ -87,11 +88,12 @@ class InvalidQoSProfileException(Exception):
 class QoSProfile:
     """The policies of a publisher, a subscription, a client or a service.
 
-    Give a depth (the last so many messages are kept), or `history=HistoryPolicy.KEEP_ALL`; what
-    is not given is as in `qos_profile_default`. Here depth, history, reliability and durability
-    have effects; the others are kept and compared.
+    Give a depth (how many messages are kept), or `history=HistoryPolicy.KEEP_ALL`. The other
+    policies default to those of `qos_profile_default`. In taskrpc, depth, history, reliability and
+    durability have effects; it only stores and compares the others.
 
-    Raises InvalidQoSProfileException without both, AssertionError for what is no policy.
+    Raises InvalidQoSProfileException without depth and history, AssertionError for an unknown or
+    invalid policy.
     """
 
     __slots__ = tuple(f"_{name}" for name in _POLICIES)
@@ -117,7 +119,7 @@ class QoSProfile:
 
     @property
     def history(self) -> HistoryPolicy:
-        """Whether the last `depth` messages are kept, or all."""
+        """Whether the last `depth` messages are kept, or all messages."""
         return self._history
 
     @history.setter
@@ -126,7 +128,7 @@ class QoSProfile:
 
     @property
     def depth(self) -> int:
-        """How many messages are kept for who is behind."""
+        """How many messages are kept for a slow or late subscription."""
         return self._depth
 
     @depth.setter
@@ -142,7 +144,7 @@ class QoSProfile:
 
     @property
     def reliability(self) -> ReliabilityPolicy:
-        """Whether every message arrives, or only what can be had without waiting."""
+        """Whether every message arrives, or messages may be lost when a subscription is slow."""
         return self._reliability
 
     @reliability.setter
@@ -151,7 +153,7 @@ class QoSProfile:
 
     @property
     def durability(self) -> DurabilityPolicy:
-        """Whether those who come later are given the last messages."""
+        """Whether a late subscription receives the last messages."""
         return self._durability
 
     @durability.setter
@@ -160,7 +162,7 @@ class QoSProfile:
 
     @property
     def lifespan(self) -> Duration:
-        """How long a message is worth being delivered; zero: always."""
+        """How long after its publication a message may be delivered; zero means no limit."""
         return self._lifespan
 
     @lifespan.setter
@@ -169,7 +171,7 @@ class QoSProfile:
 
     @property
     def deadline(self) -> Duration:
-        """How long the next message may take; zero: as long as it likes."""
+        """The longest time between two messages; zero means no limit."""
         return self._deadline
 
     @deadline.setter
@@ -178,7 +180,7 @@ class QoSProfile:
 
     @property
     def liveliness(self) -> LivelinessPolicy:
-        """Who says that a publisher is alive."""
+        """Who declares that a publisher is alive: the middleware or the program."""
         return self._liveliness
 
     @liveliness.setter
@@ -187,7 +189,7 @@ class QoSProfile:
 
     @property
     def liveliness_lease_duration(self) -> Duration:
-        """How often a publisher must say so; zero: never."""
+        """The longest time between two such declarations; zero means no limit."""
         return self._liveliness_lease_duration
 
     @liveliness_lease_duration.setter
@@ -196,7 +198,7 @@ class QoSProfile:
 
     @property
     def avoid_ros_namespace_conventions(self) -> bool:
-        """Whether the topic's name is taken as it is."""
+        """Whether the name of the topic is used unchanged, without the prefix of ROS."""
         return self._avoid_ros_namespace_conventions
 
     @avoid_ros_namespace_conventions.setter
@@ -204,22 +206,24 @@ class QoSProfile:
         self._avoid_ros_namespace_conventions = _checked(value, bool)
 
     def get_c_qos_profile(self) -> Self:
-        """The profile as others hand it on: `to_dict()` has its policies."""
+        """The profile itself; ROS returns a C object here. `to_dict()` has its policies."""
         return self
 
     def to_dict(self) -> dict[str, Any]:
-        """The policies by name: what `QoSProfile(**policies)` makes the same profile of."""
+        """The policies by name; `QoSProfile(**policies)` creates the same profile."""
         return {name: getattr(self, name) for name in _POLICIES}
 
     def to_native(self, *, subscribes: bool = False) -> QoS:
-        """What taskrpc's own publishers and subscriptions take."""
+        """The profile for taskrpc's own publishers and subscriptions."""
         keeps_all = self.history == HistoryPolicy.KEEP_ALL
         reliable = self.reliability not in _unreliable(subscribes)
         latched = self.durability == DurabilityPolicy.TRANSIENT_LOCAL or (
             self.durability == DurabilityPolicy.BEST_AVAILABLE and not subscribes
         )
         return QoS(
-            depth=_ALL if keeps_all else min(self.depth or _DEFAULT_DEPTH, MAX_DEPTH - 1),
+            depth=_KEEP_ALL_DEPTH
+            if keeps_all
+            else min(self.depth or _DEFAULT_DEPTH, MAX_DEPTH - 1),
             reliability="reliable" if reliable else "best_effort",
             durability="transient_local" if latched else "volatile",
         )
@@ -237,14 +241,14 @@ class QoSProfile:
 
 
 def _checked(value: object, kind: type[_T]) -> _T:
-    """The value, unless it is of another type: an AssertionError, as in rclpy."""
+    """The value; raises AssertionError for a value of another type, as rclpy does."""
     if not isinstance(value, kind):
         raise AssertionError(f"expected {kind.__name__}, got {value!r}")
     return value
 
 
 def _unreliable(subscribes: bool) -> tuple[ReliabilityPolicy, ...]:
-    """The reliabilities under which messages may be left out; best available fits everybody."""
+    """The reliabilities with which messages may be lost; BEST_AVAILABLE matches every endpoint."""
     if subscribes:
         return (ReliabilityPolicy.BEST_EFFORT, ReliabilityPolicy.BEST_AVAILABLE)
     return (ReliabilityPolicy.BEST_EFFORT,)
@@ -268,23 +272,23 @@ qos_profile_unknown = _system_default(
     durability=DurabilityPolicy.UNKNOWN,
     liveliness=LivelinessPolicy.UNKNOWN,
 )
-"""What is not known; no profile to work with."""
+"""All policies are unknown; no endpoint can use it."""
 qos_profile_default = QoSProfile(depth=_DEFAULT_DEPTH)
-"""The last 10 messages, reliably."""
+"""Keeps the last 10 messages; reliable."""
 qos_profile_system_default = _system_default()
-"""Whatever carries the messages decides."""
+"""Leaves the policies to the middleware."""
 qos_profile_sensor_data = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
-"""The last 5 messages, rather new ones than all."""
+"""Keeps the last 5 messages; best effort."""
 qos_profile_services_default = QoSProfile(depth=_DEFAULT_DEPTH)
-"""Of clients and services."""
+"""The default of clients and services."""
 qos_profile_parameters = QoSProfile(depth=1000)
-"""Of the services for parameters."""
+"""The profile of the parameter services."""
 qos_profile_parameter_events = QoSProfile(depth=1000)
-"""Of /parameter_events."""
+"""The profile of `/parameter_events`."""
 qos_profile_rosout_default = QoSProfile(
     depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL, lifespan=Duration(seconds=10)
 )
-"""Of /rosout."""
+"""The profile of `/rosout`."""
 qos_profile_best_available = QoSProfile(
     depth=_DEFAULT_DEPTH,
     reliability=ReliabilityPolicy.BEST_AVAILABLE,
@@ -293,9 +297,9 @@ qos_profile_best_available = QoSProfile(
     liveliness=LivelinessPolicy.BEST_AVAILABLE,
     liveliness_lease_duration=LivelinessLeaseDurationeBestAvailable,
 )
-"""As much as the other side has."""
+"""Matches as many endpoints of the other side as possible."""
 qos_profile_action_status_default = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-"""Of the status of actions."""
+"""The profile of the status of actions."""
 
 
 class QoSPresetProfiles(enum.Enum):
@@ -314,17 +318,17 @@ class QoSPresetProfiles(enum.Enum):
 
     @classmethod
     def short_keys(cls) -> list[str]:
-        """The names as a person types them."""
+        """The short names of all profiles."""
         return [name.lower() for name in cls.__members__]
 
     @classmethod
     def get_from_short_key(cls, name: str) -> QoSProfile:
-        """The profile of a name, in any case of letters. Raises KeyError."""
+        """The profile of a short name, in lower or upper case; raises KeyError for another name."""
         return cls[name.upper()].value
 
 
 class QoSCompatibility(enum.IntEnum):
-    """Whether a subscription gets what a publisher offers."""
+    """Whether a publisher and a subscription are compatible."""
 
     OK = 0
     WARNING = 1
@@ -334,7 +338,7 @@ class QoSCompatibility(enum.IntEnum):
 def qos_check_compatible(
     publisher_qos: QoSProfile, subscription_qos: QoSProfile
 ) -> tuple[QoSCompatibility, str]:
-    """Whether a publisher and a subscription would find each other, and why not."""
+    """Whether a publisher and a subscription are compatible, and the reasons if not."""
     if found := incompatibilities(publisher_qos, subscription_qos):
         return QoSCompatibility.ERROR, "".join(f"ERROR: {text};" for text in found)
     if found := possible_incompatibilities(publisher_qos, subscription_qos):

@@ -1,3 +1,3 @@
-"""The name by which older programs know `event_handler`."""
+"""The old name of `event_handler`."""
 
 from .event_handler import *  # noqa: F403

@@ -1,4 +1,4 @@
-"""Parameters that let who starts a program choose the QoS of its topics."""
+"""Parameters with which a user sets the QoS of a program's topics at its start."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ._impl.node_interface import NodeInterface
 
 QosCallbackResult = SetParametersResult
-"""What a validating callback returns."""
+"""The type that a validating callback returns."""
 QosCallbackType: TypeAlias = Callable[[QoSProfile], Any]
 
 _WORDS: dict[QoSPolicyKind, type[QoSPolicyEnum]] = {
@@ -37,17 +37,16 @@ _WORDS: dict[QoSPolicyKind, type[QoSPolicyEnum]] = {
 
 
 class InvalidQosOverridesError(Exception):
-    """The callback of the program refuses a profile."""
+    """The program's callback rejected a profile."""
 
 
 class QoSOverridingOptions:
-    """Which policies of a topic are parameters, such as
-    `qos_overrides./chatter.publisher.depth`.
+    """The policies that parameters can set, such as `qos_overrides./chatter.publisher.depth`.
 
     Args:
-        policy_kinds: these policies.
-        callback: is asked about the profile afterwards; returns a `QosCallbackResult`.
-        entity_id: part of the names, where a node has several publishers on a topic.
+        policy_kinds: the policies.
+        callback: checks the resulting profile; returns a `QosCallbackResult`.
+        entity_id: a part of the parameter names, if a node has several publishers on a topic.
     """
 
     def __init__(
@@ -63,24 +62,24 @@ class QoSOverridingOptions:
 
     @property
     def policy_kinds(self) -> Iterable[QoSPolicyKind]:
-        """The policies that are parameters."""
+        """The policies that parameters can set."""
         return self._policy_kinds
 
     @property
     def callback(self) -> QosCallbackType | None:
-        """What is asked about the profile."""
+        """Checks the resulting profile."""
         return self._callback
 
     @property
     def entity_id(self) -> str | None:
-        """What tells several publishers on a topic apart."""
+        """Distinguishes several publishers of a node on one topic."""
         return self._entity_id
 
     @classmethod
     def with_default_policies(
         cls, *, callback: QosCallbackType | None = None, entity_id: str | None = None
     ) -> QoSOverridingOptions:
-        """History, depth and reliability."""
+        """Options for history, depth and reliability."""
         kinds = (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY)
         return cls(kinds, callback=callback, entity_id=entity_id)
 
@@ -92,9 +91,9 @@ def _declare_qos_parameters(
     qos: QoSProfile,
     options: QoSOverridingOptions,
 ) -> None:
-    """Declare the parameters of a publisher or subscription, and change its profile to them.
+    """Declare the parameters of a publisher or subscription, and set its policies to their values.
 
-    Raises InvalidQosOverridesError where the options' callback refuses the profile.
+    Raises InvalidQosOverridesError if the callback of the options rejects the profile.
     """
     if not issubclass(entity_type, (Publisher, Subscription)):
         raise TypeError("Argument `entity_type` should be a subclass of Publisher or Subscription")
@@ -121,7 +120,7 @@ def _declare_qos_parameters(
 
 
 def _get_qos_policy_parameter(qos: QoSProfile, policy: QoSPolicyKind) -> str | int | bool:
-    """A policy as a parameter has it: a word, a number, or nanoseconds."""
+    """The value of a policy for a parameter: a short name, a number, or nanoseconds."""
     value: Any = getattr(qos, policy.name.lower())
     if isinstance(value, QoSPolicyEnum):
         if value.short_key == "unknown":

@@ -1,4 +1,4 @@
-"""Messages as the bytes that robots exchange."""
+"""Messages from and to CDR bytes, the encoding of ROS 2."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ T = TypeVar("T")
 
 
 def serialize_message(message: Any) -> bytes:
-    """A message as CDR, with its header of four bytes; AttributeError for what is no message."""
+    """Encode a message as CDR with its 4-byte header; AttributeError for another object."""
     check_for_type_support(type(message))
     return to_cdr(detached(message))
 
 
 def deserialize_message(serialized_message: bytes, message_type: type[T]) -> T:
-    """The message of this type that the bytes are."""
+    """Decode CDR bytes to a message of this type."""
     read: Any = from_cdr
     message: T = read(message_type, serialized_message)
     return message

@@ -41,7 +41,7 @@ class RequestHeader(NamedTuple):
 
 
 class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
-    """Answers the requests for one service; `Node.create_service` makes one."""
+    """Answers the requests for one service; `Node.create_service` creates it."""
 
     is_service: ClassVar[bool] = True
 
@@ -81,7 +81,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         return str(self.parent_node.get_logger().name)
 
     def oldest_request_id(self) -> int:
-        """A number that identifies the request that waits longest; IndexError when none waits."""
+        """A number that identifies the oldest waiting request; IndexError when no request waits."""
         return id(self._calls[0])
 
     def send_response(self, response: SrvResponseT, header: RequestHeader) -> None:

@@ -1,4 +1,4 @@
-"""Filters by content, which only some of ROS's middlewares have; this one has none."""
+"""Filters by content, which only some middlewares of ROS support; taskrpc does not."""
 
 from __future__ import annotations
 

@@ -31,15 +31,17 @@ class Future(Generic[T]):
         self._result: T | None = None
         self._exception: BaseException | None = None
         self._exception_fetched = True
+        """False while it has an exception that the program has not read."""
         self._callbacks: list[Callable[[Any], Any]] = []
         self._waiters: list[Callable[[], object]] = []
+        """Functions of rclpy itself (`when_done`), which run before the done callbacks."""
         self._lock = threading.Lock()
         self.is_observed = False
-        """Whether the program ever looked at its result, for the watchdog."""
+        """Whether the program ever read its result, for the watchdog."""
         self.awaited_by: Any = None
         """The task that awaits it, for the watchdog."""
         self.last_poll: tuple[Callback | None, float] = (None, 0.0)
-        """The callback that last asked in vain whether it is done, and when."""
+        """The callback that last polled it while it was pending, and when."""
         self._executor: Callable[[], ExecutorInterface | None] = _none
         if executor is not None:
             set_executor(self, executor)

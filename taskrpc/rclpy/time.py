@@ -1,4 +1,4 @@
-"""Points in time, in nanoseconds since a clock's beginning."""
+"""Points in time, in nanoseconds since the zero of their clock."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .duration import Duration
 
 
 class Time:
-    """A point in time of one kind of clock; those of different kinds have nothing in common.
+    """A point in time of one kind of clock; times of different kinds cannot be compared.
 
     Raises ValueError for a negative time, OverflowError beyond 63 bits of nanoseconds.
     """
@@ -40,11 +40,11 @@ class Time:
 
     @property
     def nanoseconds(self) -> int:
-        """Nanoseconds since the clock's beginning."""
+        """Nanoseconds since the zero of the clock."""
         return self._nanoseconds
 
     def seconds_nanoseconds(self) -> tuple[int, int]:
-        """Whole seconds, and the nanoseconds of the rest."""
+        """The whole seconds, and the remaining nanoseconds."""
         return divmod(self._nanoseconds, S_TO_NS)
 
     @property
@@ -116,7 +116,7 @@ class Time:
         return _message()(sec=seconds, nanosec=nanoseconds)
 
     def to_datetime(self) -> datetime.datetime:
-        """The point in time in this machine's time zone; TypeError for a steady clock's."""
+        """The point in time in this machine's time zone; TypeError for a time of a steady clock."""
         if self._clock_type is ClockType.STEADY_TIME:
             raise TypeError("Time object's clock type should be either ROS_TIME or SYSTEM_TIME")
         return datetime.datetime.fromtimestamp(self._nanoseconds / S_TO_NS)

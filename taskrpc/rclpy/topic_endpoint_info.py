@@ -1,4 +1,4 @@
-"""The names by which older programs know `endpoint_info`."""
+"""The old name of `endpoint_info`."""
 
 from .endpoint_info import EndpointTypeEnum as TopicEndpointTypeEnum
 from .endpoint_info import TopicEndpointInfo

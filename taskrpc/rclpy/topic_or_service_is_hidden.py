@@ -1,14 +1,14 @@
-"""Whether listings leave a name out."""
+"""Checks whether a name is hidden, so that listings omit it by default."""
 
 from __future__ import annotations
 
 from taskrpc import names
 
 HIDDEN_TOPIC_PREFIX = "_"
-"""What a token of a hidden name begins with."""
+"""The prefix of a token that makes a name hidden."""
 
 TOPIC_SEPARATOR_STRING = "/"
-"""What stands between the tokens of a name."""
+"""Separates the tokens of a name."""
 
 
 def topic_or_service_is_hidden(name: str) -> bool:

@@ -1,4 +1,4 @@
-"""The service `~/get_type_description` of every node: what a type looks like."""
+"""The service `~/get_type_description` of every node, which describes types."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from ._impl.node_interface import NodeInterface
 from .qos import qos_profile_services_default
 
 START_TYPE_DESCRIPTION_SERVICE_PARAM = "start_type_description_service"
-"""The parameter that, set to false at the start, leaves the service out."""
+"""The parameter that disables the service when it is false at the start."""
 
 _TYPE = "type_description_interfaces/srv/GetTypeDescription"
 
 
 class TypeDescriptionService:
-    """Describes the types of a node; made by the node itself."""
+    """Offers the service; every node creates its own."""
 
     def __init__(self, node: NodeInterface) -> None:
         self._node = weakref.ref(node)
@@ -59,7 +59,7 @@ class TypeDescriptionService:
 
 
 def described(type_name: str) -> Any:
-    """The TypeDescription of a type and of all that it needs."""
+    """The TypeDescription of a type and the types that it uses."""
     plain = type_description(search().load(type_name), search().load)
     return srvgen.load("type_description_interfaces/msg/TypeDescription")(
         type_description=_individual(plain["type_description"]),
@@ -70,7 +70,7 @@ def described(type_name: str) -> Any:
 
 
 def sources(known: Any) -> list[Any]:
-    """The texts of a type and of all that it needs."""
+    """The definitions of a type and the types that it uses, as texts."""
     source = srvgen.load("type_description_interfaces/msg/TypeSource")
     names = [one.full_name for one in reversed(search().with_dependencies(known._TYPE))]
     return [

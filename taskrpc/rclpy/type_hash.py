@@ -1,4 +1,4 @@
-"""The number that says which definition of a type somebody has."""
+"""Type hashes, which identify the definition of a type."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class TypeHash:
 
     @property
     def version(self) -> int:
-        """The rule by which it was made; -1 for no hash."""
+        """The version of the algorithm; -1 for no hash."""
         return self._version
 
     @version.setter
@@ -57,6 +57,6 @@ class TypeHash:
 
 
 def type_hash_of(text: str) -> TypeHash:
-    """The hash that `RIHS01_…` says."""
+    """Read a hash such as `RIHS01_…`."""
     version, _, digits = text.removeprefix("RIHS").partition("_")
     return TypeHash(int(version), bytes.fromhex(digits))

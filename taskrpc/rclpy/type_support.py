@@ -1,4 +1,4 @@
-"""Whether a class is an interface of ROS."""
+"""Checks whether a class is an interface of ROS."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ SrvResponseT = TypeVar("SrvResponseT")
 
 MsgType, SrvType = MsgT, SrvT
 SrvTypeRequest, SrvTypeResponse = SrvRequestT, SrvResponseT
-"""What older programs call them in annotations."""
+"""The old names, for annotations in older programs."""
 
 
 def check_for_type_support(msg_or_srv_type: Any) -> None:
-    """Raise AttributeError for what is no interface at all."""
+    """Raise AttributeError for an object that is not an interface."""
     if isinstance(msg_or_srv_type, type) and hasattr(msg_or_srv_type, "_HASH"):
         return
     if hasattr(msg_or_srv_type, "_HASH"):
         kind = type(msg_or_srv_type).__name__
         raise AttributeError(
             f"'{kind}' object has no attribute '_TYPE_SUPPORT'."
-            f" Expected the class {kind}, without () behind it"
+            f" Expected the class {kind}, without () after it"
         )
     if isinstance(msg_or_srv_type, type) and hasattr(msg_or_srv_type, "_TYPE_SUPPORT"):
         raise NoTypeSupportImportedException
@@ -36,14 +36,14 @@ def check_for_type_support(msg_or_srv_type: Any) -> None:
 
 
 def check_is_valid_msg_type(msg_type: Any) -> None:
-    """Raise for what is no message type."""
+    """Raise AttributeError or RuntimeError for an object that is not a message type."""
     check_for_type_support(msg_type)
     if hasattr(msg_type, "Request"):
         raise RuntimeError(f"expected a message type, got the service {msg_type.__name__}")
 
 
 def check_is_valid_srv_type(srv_type: Any) -> None:
-    """Raise for what is no service type."""
+    """Raise AttributeError or RuntimeError for an object that is not a service type."""
     check_for_type_support(srv_type)
     if not (hasattr(srv_type, "Request") and hasattr(srv_type, "Response")):
         raise RuntimeError(f"expected a service type, got the message {srv_type.__name__}")

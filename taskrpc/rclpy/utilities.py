@@ -1,4 +1,4 @@
-"""Functions that need no node: the default context, its state, and arguments without ROS's."""
+"""Functions that need no node: the default context, its state, and arguments outside of ROS."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether an absolute name may be a topic's or a service's."""
+"""Checks the absolute name of a topic or service."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from ._impl.graph.names import checked, kind_of
 
 
 def validate_full_topic_name(name: str, *, is_service: bool = False) -> bool:
-    """True for a valid absolute name, with nothing left to expand.
+    """True for a valid absolute name that needs no expansion.
 
-    Raises InvalidTopicNameException, or InvalidServiceNameException where it is a service's.
+    Raises InvalidTopicNameException, or InvalidServiceNameException for a service.
     """
     kind = kind_of(is_service)
     checked(kind, name, partial(names.check_absolute, kind=kind))

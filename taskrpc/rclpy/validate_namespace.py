@@ -1,4 +1,4 @@
-"""Whether a node may have a namespace."""
+"""Checks the namespace of a node."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a node may have a name."""
+"""Checks the name of a node."""
 
 from __future__ import annotations
 

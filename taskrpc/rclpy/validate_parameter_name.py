@@ -1,4 +1,4 @@
-"""Whether a parameter may have a name."""
+"""Checks the name of a parameter."""
 
 from __future__ import annotations
 

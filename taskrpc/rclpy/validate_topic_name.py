@@ -1,4 +1,4 @@
-"""Whether a topic or service name can be expanded for a node."""
+"""Checks the name of a topic or service before expansion."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from ._impl.graph.names import checked, kind_of
 
 
 def validate_topic_name(name: str, *, is_service: bool = False) -> bool:
-    """True for a valid name, relative or not, with `~` and `{}` in it.
+    """True for a valid name, which may be relative and contain `~` and `{}`.
 
-    Raises InvalidTopicNameException, or InvalidServiceNameException where it is a service's.
+    Raises InvalidTopicNameException, or InvalidServiceNameException for a service.
     """
     kind = kind_of(is_service)
     checked(kind, name, partial(names.check_unexpanded, kind=kind))

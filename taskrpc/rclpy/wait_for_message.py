@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from .node import Node
 
 _SLICE = 0.1
-"""Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
+"""Seconds of one wait: on Windows, Ctrl-C cannot interrupt a wait."""
 
 
 def wait_for_message(
@@ -33,8 +33,8 @@ def wait_for_message(
     name, qos = node.resolve_topic_name(topic), topic_profile(qos_profile)
     group = MutuallyExclusiveCallbackGroup()
     subscription: Subscription[Any] = Subscription(node, msg_type, name, _unused, group, qos)
-    came = threading.Event()
-    subscription.notify_executor = came.set  # type: ignore[method-assign]  # nobody spins it
+    arrived = threading.Event()
+    subscription.notify_executor = arrived.set  # type: ignore[method-assign]  # no thread spins it
     end = time.monotonic() + time_to_wait
     try:
         while node.context.ok():
@@ -43,12 +43,12 @@ def wait_for_message(
             left = _SLICE if time_to_wait < 0 else min(_SLICE, end - time.monotonic())
             if left <= 0:
                 break
-            came.wait(left)
-            came.clear()
+            arrived.wait(left)
+            arrived.clear()
         return False, None
     finally:
         subscription.destroy()
 
 
 def _unused(message: Any) -> None:
-    """No executor ever runs it."""
+    """Does nothing: no executor runs it."""

@@ -1,6 +1,6 @@
 """The classes of rclpy.action, so that programs that import them start.
 
-taskrpc has no actions yet: creating a client or server says so, and names the alternative. Start
+taskrpc has no actions yet: a new client or server prints this, and names the alternative. Start
 with `client`, which has the message. No implementation of actions belongs here.
 """
 

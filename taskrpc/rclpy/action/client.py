@@ -1,4 +1,4 @@
-"""Clients of actions: not yet."""
+"""Action clients, which taskrpc does not have yet."""
 
 from __future__ import annotations
 
@@ -12,24 +12,25 @@ _INSTEAD = (
     "taskrpc has no actions yet; use a service for the goal and a topic for its feedback,"
     " or the task server (`taskrpc-server`)"
 )
-_A_MOMENT = 0.1
-_told: set[str] = set()
+_POLL_INTERVAL = 0.1
+_warned: set[str] = set()
+"""The objects about which `lacks` has printed its line."""
 
 
 def refuse(what: str) -> NoReturn:
-    """Say that there are no actions, and what does the same."""
+    """Raise NotImplementedError with the alternative."""
     raise NotImplementedError(f"{what}: {_INSTEAD}")
 
 
 def lacks(what: str) -> None:
-    """Say so once, and go on: a program may have more than its actions."""
-    if what not in _told and sys.stderr is not None:
-        _told.add(what)
+    """Print once that the object does nothing; the rest of the program can still work."""
+    if what not in _warned and sys.stderr is not None:
+        _warned.add(what)
         print(f"[taskrpc] {what} does nothing here: {_INSTEAD}", file=sys.stderr, flush=True)
 
 
 class ActionClient:
-    """Would send goals to an action server; here there never is one."""
+    """Would send goals to an action server; taskrpc has none."""
 
     def __init__(self, node: Any, action_type: Any, action_name: str, **settings: Any) -> None:
         self._node = node
@@ -37,16 +38,16 @@ class ActionClient:
         lacks(self._name)
 
     def server_is_ready(self) -> bool:
-        """Whether there is an action server: no."""
+        """Whether there is an action server; always False."""
         return False
 
     def wait_for_server(self, timeout_sec: float | None = None) -> bool:
-        """Wait in vain for `timeout_sec` seconds; raises NotImplementedError without a timeout."""
+        """Sleep `timeout_sec` seconds and return False; NotImplementedError without a timeout."""
         if timeout_sec is None or timeout_sec < 0:
             refuse(f"{self._name}.wait_for_server()")
         end = time.monotonic() + timeout_sec
         while (left := end - time.monotonic()) > 0 and self._node.context.ok():
-            time.sleep(min(left, _A_MOMENT))
+            time.sleep(min(left, _POLL_INTERVAL))
         return False
 
     def send_goal(self, goal: Any, **settings: Any) -> NoReturn:
@@ -58,11 +59,11 @@ class ActionClient:
         refuse(f"{self._name}.send_goal_async()")
 
     def destroy(self) -> None:
-        """Nothing: there is nothing to give up."""
+        """Do nothing: there is nothing to release."""
 
 
 class ClientGoalHandle:
-    """Would stand for a goal that a server has accepted."""
+    """Would represent a goal that a server has accepted; raises NotImplementedError."""
 
     def __init__(self, *args: Any) -> None:
         refuse("ClientGoalHandle")

@@ -1,4 +1,4 @@
-"""Servers of actions: not yet."""
+"""Action servers, which taskrpc does not have yet."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from .client import lacks, refuse
 
 
 class GoalResponse(Enum):
-    """What a server says to a goal."""
+    """Whether a server accepts a goal."""
 
     REJECT = 1
     ACCEPT = 2
 
 
 class CancelResponse(Enum):
-    """What a server says to a wish to cancel."""
+    """Whether a server accepts a cancellation."""
 
     REJECT = 1
     ACCEPT = 2
 
 
 class ActionServer:
-    """Would work on goals of action clients; here none come."""
+    """Would execute goals of action clients; in taskrpc, no goals arrive."""
 
     def __init__(
         self,
@@ -38,23 +38,23 @@ class ActionServer:
         lacks(f"ActionServer({action_name!r})")
 
     def register_handle_accepted_callback(self, callback: Callable[..., Any] | None) -> None:
-        """Nothing: no goal comes."""
+        """Do nothing: no goals arrive."""
 
     def register_goal_callback(self, callback: Callable[..., Any] | None) -> None:
-        """Nothing: no goal comes."""
+        """Do nothing: no goals arrive."""
 
     def register_cancel_callback(self, callback: Callable[..., Any] | None) -> None:
-        """Nothing: no goal comes."""
+        """Do nothing: no goals arrive."""
 
     def register_execute_callback(self, callback: Callable[..., Any]) -> None:
-        """Nothing: no goal comes."""
+        """Do nothing: no goals arrive."""
 
     def destroy(self) -> None:
-        """Nothing: there is nothing to give up."""
+        """Do nothing: there is nothing to release."""
 
 
 class ServerGoalHandle:
-    """Would stand for a goal that is being worked on."""
+    """Would represent a goal that is being executed; raises NotImplementedError."""
 
     def __init__(self, *args: Any) -> None:
         refuse("ServerGoalHandle")

@@ -1,7 +1,7 @@
 """The events executor, which rclpy calls experimental.
 
-`events_executor` has the class; it derives from `rclpy.executors`, where to start reading. Nothing
-that is not in ROS's package of this name belongs here.
+`events_executor` has the class; start with `rclpy.executors`, which has its base class. Only names
+of ROS's package belong here.
 """
 
 from .events_executor import EventsExecutor

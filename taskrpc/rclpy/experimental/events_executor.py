@@ -1,4 +1,4 @@
-"""An executor that takes everything in the order in which it came, and heeds no groups."""
+"""An executor that ignores callback groups and runs tasks in the order of their creation."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ..task import Future
 
 
 class EventsExecutor(SingleThreadedExecutor):
-    """As SingleThreadedExecutor, which is woken by events here, too; but tasks run oldest first.
+    """As SingleThreadedExecutor, but the oldest task runs first.
 
-    Callback groups are without effect: a callback that awaits something holds up no other.
+    Callback groups have no effect: a callback that awaits something does not delay another one.
     """
 
     _youngest_first: ClassVar[bool] = False
@@ -22,7 +22,7 @@ class EventsExecutor(SingleThreadedExecutor):
     ) -> None:
         """Run callbacks until the future is done or cancelled, `timeout_sec` seconds at most.
 
-        What is there by then is still run, also what follows from it.
+        Also runs the callbacks that are ready by then, and those that they make ready.
         """
         super().spin_until_future_complete(future, timeout_sec)
         is_over = self._wake_for(future)

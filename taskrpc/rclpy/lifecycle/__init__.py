@@ -1,6 +1,6 @@
-"""Lifecycle nodes: other programs configure, activate, deactivate and clean them up step by step.
+"""Lifecycle nodes, which other programs configure, activate, deactivate and clean up.
 
-Start with `node`; `managed_entity` and `publisher` are the parts that take part in the steps. The
+Start with `node`; `managed_entity` and `publisher` are objects with callbacks in transitions. The
 table of states and transitions is in `_impl.lifecycle_states`.
 """
 

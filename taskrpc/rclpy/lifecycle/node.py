@@ -1,4 +1,4 @@
-"""Lifecycle nodes: their callbacks and steps, and the services by which others ask for these."""
+"""Lifecycle nodes: their transitions and callbacks, and the services that request transitions."""
 
 from __future__ import annotations
 
@@ -37,16 +37,17 @@ _CALLBACKS = {
     DEACTIVATING: "on_deactivate",
     ERROR_PROCESSING: "on_error",
 }
-"""What is called in each state on the way; what it returns leads on."""
+"""The callback in each transition state; its result selects the next transition."""
 _EVENTS_DEPTH = 10
 
 
 class LifecycleNodeMixin(ManagedEntity):
-    """What a lifecycle node has beyond a node; its class derives from both.
+    """The methods that a lifecycle node adds to `Node`; its class derives from both.
 
     Arguments:
-        enable_communication_interface: whether others may ask for steps, by five services.
-        callback_group: of these services.
+        enable_communication_interface: whether to offer five services, with which other programs
+            read the state and request transitions.
+        callback_group: the callback group of these services.
     """
 
     def __init__(
@@ -69,64 +70,64 @@ class LifecycleNodeMixin(ManagedEntity):
         if enable_communication_interface:
             self._rclpy_offer(callback_group)
 
-    # What others and the program itself ask for
+    # Transitions that the program triggers
 
     def trigger_configure(self) -> TransitionCallbackReturn:
-        """Set up. Raises RCLError where that is not possible now, as all of these do."""
-        return self._rclpy_step("configure")
+        """Configure the node. All `trigger_` methods raise RCLError if not possible now."""
+        return self._rclpy_trigger("configure")
 
     def trigger_cleanup(self) -> TransitionCallbackReturn:
-        """Give back what was set up."""
-        return self._rclpy_step("cleanup")
+        """Release what was configured."""
+        return self._rclpy_trigger("cleanup")
 
     def trigger_shutdown(self) -> TransitionCallbackReturn:
-        """End, from any state that is not on the way to another."""
-        return self._rclpy_step("shutdown")
+        """Shut the node down, from any state except a transition state."""
+        return self._rclpy_trigger("shutdown")
 
     def trigger_activate(self) -> TransitionCallbackReturn:
-        """Begin to work."""
-        return self._rclpy_step("activate")
+        """Activate the node."""
+        return self._rclpy_trigger("activate")
 
     def trigger_deactivate(self) -> TransitionCallbackReturn:
-        """Pause."""
-        return self._rclpy_step("deactivate")
+        """Deactivate the node."""
+        return self._rclpy_trigger("deactivate")
 
     def add_managed_entity(self, entity: ManagedEntity) -> None:
-        """Have something told of every step, too. Raises TypeError for what cannot be told."""
+        """Run the callbacks of this entity in every transition; TypeError for another object."""
         if not isinstance(entity, ManagedEntity):
             raise TypeError("Expected a rclpy.lifecycle.ManagedEntity instance.")
         self._managed_entities.add(entity)
 
-    # Callbacks, for programs to override: what they manage is told by super()
+    # Callbacks that programs override
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Set up; override it and call it by `super()` to have publishers told, as all of these."""
-        return self._rclpy_told("on_configure", state)
+        """Configure. As in all callbacks, `super()` runs the callbacks of managed entities."""
+        return self._rclpy_call_entities("on_configure", state)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Give back what was set up."""
-        return self._rclpy_told("on_cleanup", state)
+        """Release what was configured."""
+        return self._rclpy_call_entities("on_cleanup", state)
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End."""
-        return self._rclpy_told("on_shutdown", state)
+        """Shut down."""
+        return self._rclpy_call_entities("on_shutdown", state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Begin to work."""
-        return self._rclpy_told("on_activate", state)
+        """Activate."""
+        return self._rclpy_call_entities("on_activate", state)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Pause."""
-        return self._rclpy_told("on_deactivate", state)
+        """Deactivate."""
+        return self._rclpy_call_entities("on_deactivate", state)
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Put right what made another callback end with an error."""
-        return self._rclpy_told("on_error", state)
+        """Handle the error of another callback; SUCCESS means that the error is handled."""
+        return self._rclpy_call_entities("on_error", state)
 
     # Publishers
 
     def create_lifecycle_publisher(self, *args: Any, **settings: Any) -> LifecyclePublisher:
-        """A publisher that is silent while the node is not active; arguments as for any other."""
+        """Create a publisher that works only while the node is active; see `create_publisher`."""
         if "publisher_class" in settings:
             raise TypeError(
                 "create_publisher() got an unexpected keyword argument 'publisher_class'"
@@ -138,13 +139,16 @@ class LifecycleNodeMixin(ManagedEntity):
         return publisher
 
     def destroy_lifecycle_publisher(self, publisher: LifecyclePublisher) -> bool:
-        """Publish no more; whether it was this node's."""
+        """Destroy a publisher; returns whether it belonged to this node."""
         self._managed_entities.discard(publisher)
         return Node.destroy_publisher(cast("Node", self), publisher)
 
-    # Inside
+    # Internal
 
-    def _rclpy_told(self, callback: str, state: LifecycleState) -> TransitionCallbackReturn:
+    def _rclpy_call_entities(
+        self, callback: str, state: LifecycleState
+    ) -> TransitionCallbackReturn:
+        """Run a callback of all managed entities, until one of them does not succeed."""
         for entity in self._managed_entities:
             returned = getattr(entity, callback)(state)
             if not isinstance(returned, TransitionCallbackReturn):
@@ -157,16 +161,16 @@ class LifecycleNodeMixin(ManagedEntity):
                 return returned
         return TransitionCallbackReturn.SUCCESS
 
-    def _rclpy_step(self, label: str) -> TransitionCallbackReturn:
-        for step in self._state_machine.available_transitions:
-            if step.label == label:
-                return self._rclpy_change(step.id)
+    def _rclpy_trigger(self, label: str) -> TransitionCallbackReturn:
+        for transition in self._state_machine.available_transitions:
+            if transition.label == label:
+                return self._rclpy_change(transition.id)
         if label not in _NUMBERS:
             raise RCLError(f"{label.capitalize()} transition not possible")
-        return self._rclpy_change(_NUMBERS[label])  # which tells why not
+        return self._rclpy_change(_NUMBERS[label])  # raises RCLError
 
     def _rclpy_change(self, transition_id: int) -> TransitionCallbackReturn:
-        """Take a step with its callback, and the one that the callback's return leads to."""
+        """Make a transition, run its callback, and make the transition that the result selects."""
         number, label = self._state_machine.current_state
         before = LifecycleState(label=label, state_id=number)
         self._state_machine.trigger_transition_by_id(transition_id, True)
@@ -235,7 +239,7 @@ class LifecycleNodeMixin(ManagedEntity):
                 return response
         try:
             response.success = self._rclpy_change(number) is TransitionCallbackReturn.SUCCESS
-        except RCLError as error:  # what others ask for must not end this node
+        except RCLError as error:  # an invalid request must not end the spin of this node
             if explain.like_ros():
                 raise
             explain.impossible_transition(node_name(self), number, error)
@@ -259,9 +263,9 @@ class LifecycleNodeMixin(ManagedEntity):
 
 
 class LifecycleNode(LifecycleNodeMixin, Node):
-    """A node that waits for somebody to configure and activate it.
+    """A node that does not work until it is configured and activated.
 
-    Takes the arguments of `Node`, and whether others may ask for its steps.
+    Takes the arguments of `Node` and of `LifecycleNodeMixin`.
     """
 
     def __init__(
@@ -283,10 +287,10 @@ def _state(state: tuple[int, str]) -> Any:
 
 
 def _described(transitions: Iterable[Transition]) -> list[Any]:
-    described, step = _load("msg/TransitionDescription"), _load("msg/Transition")
+    described, transition = _load("msg/TransitionDescription"), _load("msg/Transition")
     return [
         described(
-            transition=step(id=one.id, label=one.label),
+            transition=transition(id=one.id, label=one.label),
             start_state=_state(one.start),
             goal_state=_state(one.goal),
         )
@@ -295,7 +299,7 @@ def _described(transitions: Iterable[Transition]) -> list[Any]:
 
 
 _NUMBERS = {"configure": 1, "cleanup": 2, "activate": 3, "deactivate": 4}
-"""Of the steps that lead from one state only."""
+"""The numbers of the transitions that begin in one state only."""
 
 
 def _log_refusal(sentence: str) -> None:

@@ -1,4 +1,4 @@
-"""Publishers that are silent until their node is active."""
+"""Publishers that publish only while their node is active."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .managed_entity import SimpleManagedEntity
 
 
 class LifecyclePublisher(SimpleManagedEntity, Publisher[Any]):
-    """Publishes while its node is active; `LifecycleNode.create_lifecycle_publisher` makes one."""
+    """Publishes while its node is active; `LifecycleNode.create_lifecycle_publisher` creates it."""
 
     def __init__(self, *args: Any, **settings: Any) -> None:
         SimpleManagedEntity.__init__(self)
@@ -17,5 +17,5 @@ class LifecyclePublisher(SimpleManagedEntity, Publisher[Any]):
 
     @SimpleManagedEntity.when_enabled
     def publish(self, msg: Any) -> None:
-        """Send a message as any publisher does; nothing happens while the node is not active."""
+        """Publish a message; does nothing while the node is not active."""
         Publisher.publish(self, msg)
