@@ -53,15 +53,15 @@ class Attempts(msgspec.Struct, eq=False):
     now: Callable[[], float]
     """The loop's clock."""
     name: str = ""
-    """The user's own request id, "" for none."""
+    """The caller's own request id, "" for none."""
     _only_lost_connections: bool = False
-    """Whether to retry only after lost connections: the user gave no retry policy."""
+    """Whether to retry only after lost connections: the caller gave no retry policy."""
     _made: int = 0
-    """How many attempts there were, with the present one."""
+    """The number of attempts, including the present one."""
     _in_doubt: bool = False
     """Whether an earlier attempt may have run."""
     _in_doubt_since: tuple[float, float] = (0.0, 0.0)
-    """The time of day, and the loop's time."""
+    """When that attempt ended: the time of day, and the loop's time."""
     _has_ended: bool = False
     """Whether no retry can be safe any more."""
     _has_new_client: bool = False
@@ -72,11 +72,11 @@ class Attempts(msgspec.Struct, eq=False):
     _store_id: bytes = b""
     """The store for which the request id is valid, b"" before there is one."""
     _sent: SentCall | None = None
-    """The present attempt, if the channel sent it at the moment in which it was connected."""
+    """The present attempt, if the channel sent it as soon as it was connected."""
 
     def begin(self) -> None:
-        """Send the request; the channel calls this at the moment in which it is connected."""
-        with contextlib.suppress(Exception):  # `result` tries again, gets the same error, raises it
+        """Send the request; the channel calls this as soon as it is connected."""
+        with contextlib.suppress(Exception):  # `result` sends again and raises the error
             self._sent = self.channel.send(self.request, self.deadline, self._request_id())
 
     async def result(self, call: SentCall | None = None) -> Any:
@@ -117,7 +117,7 @@ class Attempts(msgspec.Struct, eq=False):
     def _cancel(self, call: SentCall) -> None:
         self._sent = None
         call.future.cancel()
-        call.give_up()
+        call.cancel()
 
     async def _wait_for_connection(self) -> None:
         self.channel.begin_when_connected(self)
@@ -191,7 +191,7 @@ class Attempts(msgspec.Struct, eq=False):
     def _seconds_in_doubt(self) -> float:
         """Seconds since the first attempt whose outcome is unknown, by the clock that shows more.
 
-        The time of day may be set back, and the loop's clock may stand still while a laptop sleeps.
+        The time of day may be set back. The loop's clock may stand still while a laptop sleeps.
         """
         day, loop = self._in_doubt_since
         return max(time.time() - day, self.now() - loop)
@@ -243,7 +243,7 @@ class Attempts(msgspec.Struct, eq=False):
         return isinstance(error, ServiceUnavailable)
 
     def _final(self, error: TaskRpcError) -> TaskRpcError:
-        """Return the error for the caller: an earlier attempt may have run, if not the last one."""
+        """Return the error for the caller: if not the last attempt, an earlier one may have run."""
         is_no_answer = error.not_executed is True or isinstance(error, SessionExpired)
         if not self._in_doubt or not is_no_answer:
             return error

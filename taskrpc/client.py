@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from taskrpc.observer import Observer
 
 DEFAULT_TIMEOUT = 10.0
+"""Seconds."""
 
 
 class Unset(Enum):
@@ -41,8 +42,8 @@ UNSET: Final = Unset.UNSET
 class Client(Generic[RequestT, ResponseT]):
     """Calls one service; made by `Node.create_client`.
 
-    `timeout` (seconds, None for no deadline) and `retry` are the defaults of its calls. `forget`
-    learns of its end. The service `otherwise` is called where no server offers the first one.
+    `timeout` (seconds, None for no deadline) and `retry` are the defaults of its calls. `destroy`
+    calls `forget`. If no server offers the service, the client calls the service `otherwise`.
     """
 
     def __init__(
@@ -66,7 +67,7 @@ class Client(Generic[RequestT, ResponseT]):
         self._now = clock_of(self._loop)
         self._forget = forget
         self._channel = transport.channel(name, srv_type, node, otherwise=otherwise)
-        # A clock of the event loop's own can be read on the event loop only.
+        # Other threads may not read a clock that belongs to the event loop.
         self._thread_channel = self._channel if self._now is time.monotonic else None
         """The channel for other threads than the event loop's; None if only that can send."""
 
@@ -100,7 +101,7 @@ class Client(Generic[RequestT, ResponseT]):
 
         Raises:
             ServiceUnavailable: no server offers the service (with `retry`: until the deadline).
-            DeadlineExceeded: no answer in time; the server was told that nobody waits.
+            DeadlineExceeded: no response in time; the client has cancelled the call at the server.
             InvalidRequest: a value does not fit its field.
             TypeMismatch, ServerBusy, HandlerFailed, OutcomeUnknown, …: see `taskrpc.errors`.
         """
@@ -119,13 +120,13 @@ class Client(Generic[RequestT, ResponseT]):
             try:
                 response = await call.future
             except asyncio.CancelledError:
-                call.give_up()
+                call.cancel()
                 raise
             return response
         try:
             response = await call.future
         except asyncio.CancelledError:
-            call.give_up()
+            call.cancel()
             raise
         except TaskRpcError:
             response = await self._attempts(request, deadline, policy, request_id).result(call)
@@ -161,7 +162,7 @@ class Client(Generic[RequestT, ResponseT]):
         if call is None:
             attempts = self._attempts(request, deadline, policy, request_id)
             return self._loop.create_task(attempts.result())
-        call.future.add_done_callback(call.give_up)
+        call.future.add_done_callback(call.cancel)
         return call.future
 
     @property
@@ -186,8 +187,8 @@ class Client(Generic[RequestT, ResponseT]):
         )
 
     def _deadline(self, timeout: float | Unset | None) -> float | None:
-        span = self._timeout if timeout is UNSET else _checked(timeout)
-        return None if span is None else self._now() + span
+        seconds = self._timeout if timeout is UNSET else _checked(timeout)
+        return None if seconds is None else self._now() + seconds
 
 
 def send_in_thread(

@@ -95,6 +95,7 @@ class Service:
         self._callback = callback
         self._concurrency = concurrency
         self._running = 0
+        """Calls that run, or whose effect is not stored yet."""
         self._waiting: FairQueue[IncomingCall] = FairQueue()
         self._jobs: dict[IncomingCall, tuple[asyncio.Future[Any], float]] = {}
         """The task or thread job of each call that has one, and when the call began."""
@@ -109,6 +110,7 @@ class Service:
         """Done once the service is destroyed and has answered its last call."""
         self._threads = DaemonThreads(concurrency, f"taskrpc {name}") if threaded else None
         self._warned = False
+        """Whether the log has the warning about a callback that held the event loop."""
         self._transport = transport
         self._deduplicator = self._make_deduplicator(store)
         self._offer = self._offered(node, mode, join, observer, role)
@@ -160,7 +162,7 @@ class Service:
         return ServiceStatus(self.service_name, self._running, self._waiting.count, once)
 
     def abandon(self) -> None:
-        """Stop at once: waiting calls are unavailable, the outcome of running ones is unknown."""
+        """Stop at once: waiting calls get ServiceUnavailable, running ones OutcomeUnknown."""
         self.destroy()
         while self._waiting.count:
             self._waiting.take().fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
@@ -186,11 +188,11 @@ class Service:
         flow = call.flow
         if self._waiting.count >= QUEUE_LIMIT:
             # The caller with the most waiting calls loses one, so a runaway loop hurts only itself.
-            surplus = self._waiting.take_surplus(flow) or call
-            surplus.on_cancel = None
+            evicted = self._waiting.take_surplus(flow) or call
+            evicted.on_cancel = None
             message = f"{self.service_name} has {QUEUE_LIMIT} calls waiting"
-            surplus.fail(ServerBusy(message, retry_after=RETRY_AFTER))
-            if surplus is call:
+            evicted.fail(ServerBusy(message, retry_after=RETRY_AFTER))
+            if evicted is call:
                 return
         call.on_cancel = partial(self._leave_queue, flow, call)
         self._waiting.add(flow, call)
@@ -219,8 +221,8 @@ class Service:
         except BaseException as error:
             self._raised(call, error)
             if isinstance(error, SystemExit | KeyboardInterrupt):
-                # From an iteration of its own: uvloop swallows what a protocol raises. Raised here,
-                # the call would count as running for ever, and a drain would wait for it.
+                # Not raised here: uvloop swallows errors of a protocol, and the call would count as
+                # running for ever, so that a drain would wait for it.
                 self._loop.call_soon(end_program, error)
         finally:
             answering.reset(token)
@@ -294,7 +296,7 @@ class Service:
     def _waits_for_store(
         self, deduplicator: Deduplicator, call: IncomingCall, began: float
     ) -> bool:
-        """Whether a call counts as running until its effect is stored, for the next call to see."""
+        """Whether the call counts as running until its effect is stored: later calls see it."""
         if call not in deduplicator.storing:
             return False
         deduplicator.storing[call] = partial(self._stored, began)
@@ -352,7 +354,7 @@ class Service:
         self._finish_if_idle()
 
     def _is_too_late(self, call: IncomingCall) -> bool:
-        """Whether a call has hardly the time that the fastest recent call took, and others wait.
+        """Whether other calls wait, and this one has hardly time left for a fast execution.
 
         Without this, an overloaded service would start each call just before its deadline, and all
         responses would be late.
@@ -362,7 +364,7 @@ class Service:
         return call.deadline - self._now() < 1.25 * min(self._durations) + TICK
 
     def _postpone(self, call: IncomingCall) -> None:
-        """Postpone a call until there is room for its response, and with it the calls behind it."""
+        """Postpone a call, and its caller's later ones, until there is room for the responses."""
         following = self._waiting.remove_all(call.flow, lambda each: each.must_wait())
         for each in (call, *following):
             each.postpone()

@@ -54,20 +54,20 @@ class Publisher(Generic[MsgT]):
         self.topic_name = name
         self.qos = qos
         own = named(msg_type, name, node, qos)
-        self._hand = transport.hand_over
+        self._run_on_loop = transport.hand_over
         self._sender = transport.create_publisher(own, msg_type, role, on_mismatch)
         self._forget = forget
         self._loop = asyncio.get_running_loop()
         self._thread = threading.get_ident()
-        self._handed: list[bytes] = []
-        """Messages of other threads that the event loop has not sent yet; guarded by `_room`."""
+        self._pending: list[bytes] = []
+        """Messages of other threads that the event loop has not sent yet; protected by `_room`."""
         self._room = threading.Condition()
         """Notified when the event loop takes these messages."""
         self._destroyed = False
-        self._turn_began: float | None = None
-        """When the present iteration of the loop published first; None if it has not."""
+        self._iteration_began: float | None = None
+        """When the present iteration of the loop first published; None if it has not."""
         self._warned = False
-        """Whether the log has the warning about a loop that stands still."""
+        """Whether the log has the warning about a blocked event loop."""
 
     def publish(self, message: MsgT) -> None:
         """Send a message to all subscriptions, without waiting for them; any thread may call it.
@@ -79,10 +79,10 @@ class Publisher(Generic[MsgT]):
         body = self._sender.encode(message)
         if threading.get_ident() == self._thread:
             if not self._sender.matched:
-                self._see_whether_the_loop_runs()
+                self._warn_if_loop_is_blocked()
             self._sender.publish(body)
         else:
-            self._hand_over(body)
+            self._hand_off(body)
 
     def get_subscription_count(self) -> int:
         """Return how many subscriptions get the messages."""
@@ -108,7 +108,7 @@ class Publisher(Generic[MsgT]):
 
     @property
     def lost(self) -> int:
-        """Messages that were not sent because a subscription does not read, for each one."""
+        """Messages that were not sent to a subscription because it does not read."""
         return self._sender.lost
 
     def destroy(self) -> None:
@@ -116,55 +116,55 @@ class Publisher(Generic[MsgT]):
         if not self._destroyed:
             with self._room:
                 self._destroyed = True
-            self._send_handed()
+            self._send_pending()
             self._sender.close()
             self._forget(self)
 
-    def _see_whether_the_loop_runs(self) -> None:
-        """Warn a program that sleeps between messages: its loop never accepts a subscription."""
+    def _warn_if_loop_is_blocked(self) -> None:
+        """Warn a program that blocks the loop between messages: no subscription can connect."""
         now = self._loop.time()
-        if self._turn_began is None:
-            self._turn_began = now
-            self._loop.call_soon(self._turn_over)
-        elif now - self._turn_began > HOLDS_LOOP_AFTER and not self._warned:
+        if self._iteration_began is None:
+            self._iteration_began = now
+            self._loop.call_soon(self._iteration_over)
+        elif now - self._iteration_began > HOLDS_LOOP_AFTER and not self._warned:
             self._warned = True
             log.warning(
-                "messages were published on %s for %.2f s in which the event loop stood still, so"
-                " that nobody gets them; write `await asyncio.sleep(...)` instead of"
+                "messages were published on %s for %.2f s while the event loop was blocked, so no"
+                " subscription received them; write `await asyncio.sleep(...)` instead of"
                 " `time.sleep(...)`, or use taskrpc.sync",
                 self.topic_name,
-                now - self._turn_began,
+                now - self._iteration_began,
             )
 
-    def _turn_over(self) -> None:
-        self._turn_began = None
+    def _iteration_over(self) -> None:
+        self._iteration_began = None
 
     def _refuse_destroyed(self) -> None:
         if self._destroyed:
             raise TaskRpcError(f"the publisher of {self.topic_name} is destroyed")
 
     def _count_into(self, topics: dict[str, TopicStatus]) -> None:
-        """Add what it has done to its topic's counts."""
+        """Add its counts to those of its topic."""
         status = _status_of(topics, self.topic_name)
         status.published += self.sent
         status.lost_sending += self.lost
         status.subscriptions += self.get_subscription_count()
 
-    def _hand_over(self, body: bytes) -> None:
+    def _hand_off(self, body: bytes) -> None:
         """Hand a message to the event loop, in order; wait while it has too many."""
         with self._room:
-            while len(self._handed) >= MOST_HANDED_OFF and not self._destroyed:
+            while len(self._pending) >= MOST_HANDED_OFF and not self._destroyed:
                 self._room.wait(_SLICE)
             self._refuse_destroyed()
-            self._handed.append(body)
-            if len(self._handed) == 1:
-                self._hand(self._send_handed)
+            self._pending.append(body)
+            if len(self._pending) == 1:
+                self._run_on_loop(self._send_pending)
 
-    def _send_handed(self) -> None:
+    def _send_pending(self) -> None:
         with self._room:
-            handed, self._handed = self._handed, []
+            pending, self._pending = self._pending, []
             self._room.notify_all()
-        for body in handed:
+        for body in pending:
             self._sender.publish(body)
 
 
@@ -222,8 +222,8 @@ class Subscription(Generic[MsgT]):
         """The subscription of the topic `otherwise`, if there is one."""
         if otherwise:
             there = named(msg_type, otherwise, node, qos)
-            heard = self._arrived_elsewhere
-            self._elsewhere = transport.create_subscription(there, msg_type, heard, on_mismatch)
+            arrived = self._arrived_elsewhere
+            self._elsewhere = transport.create_subscription(there, msg_type, arrived, on_mismatch)
 
     def get_publisher_count(self) -> int:
         """Return how many publishers send messages to it."""
@@ -261,7 +261,7 @@ class Subscription(Generic[MsgT]):
             self._forget(self)
 
     def _count_into(self, topics: dict[str, TopicStatus]) -> None:
-        """Add what it has done to its topic's counts."""
+        """Add its counts to those of its topic."""
         status = _status_of(topics, self.topic_name)
         status.received += self.received
         status.lost_coming += self.lost
@@ -300,13 +300,13 @@ class Subscription(Generic[MsgT]):
         self._runner.spent = 0.0
         self._run(A_TURN_BEHIND)
 
-    def _run(self, patience: float = A_TURN) -> None:
+    def _run(self, seconds: float = A_TURN) -> None:
         if self._running or self._planned:  # called from within the callback
             return
         self._running = True
         left = len(self._waiting)  # a callback may publish on its own topic
         try:
-            while left and self._can_run and self._runner.spent < patience:
+            while left and self._can_run and self._runner.spent < seconds:
                 left -= 1
                 self._take(self._waiting.popleft())
         finally:

@@ -16,8 +16,8 @@ REPEATED_FOR = LEASE / 2
 forgotten the request, and would run it again."""
 
 MEMORY = 128 * 2**20
-"""Bytes that a ledger remembers. An account may take as many as are still free: a single one gets
-half of them, and after ten greedy accounts there is still room for an eleventh."""
+"""Bytes that a ledger remembers. An account may use as many bytes as are still free: a single one
+gets half of them, and after ten such accounts there is still room for an eleventh."""
 
 PER_CLIENT, PER_REQUEST = 500, 400
 """Bytes that are counted for a client (each `--request-id` is one), and for a request besides its
@@ -44,7 +44,7 @@ _NEW, _STALE, _FULL = Verdict.NEW, Verdict.STALE, Verdict.FULL
 
 
 class _ClientRecord:
-    """What the ledger knows of one client."""
+    """One client in the ledger."""
 
     __slots__ = ("first_incomplete", "placed", "requests", "used")
 
@@ -181,7 +181,7 @@ class Ledger:
         return _NEW
 
     def add_running(self, principal: str, received: ReceivedId, now: float) -> None:
-        """Enter a request that runs, whether this ledger or an earlier one decided so."""
+        """Add a running request; this ledger or an earlier one has decided NEW for it."""
         record = self._record((principal, received.client), now)
         received.client_record = None
         if received.first_incomplete > record.first_incomplete:
@@ -192,13 +192,13 @@ class Ledger:
             self._add_size(principal, PER_REQUEST)
 
     def completion(self, principal: str, received: ReceivedId) -> Completion:
-        """Return the completion of a request whose verdict is DONE."""
+        """Return the completion of the request; the verdict must be DONE."""
         found = self._clients[principal, received.client].requests[received.sequence]
         assert isinstance(found, Completion), "only a request that is done has a completion"
         return found
 
     def running(self, principal: str, received: ReceivedId) -> ReceivedId:
-        """Return the received id under which a request runs whose verdict is ATTACH."""
+        """Return the received id of the running request; the verdict must be ATTACH."""
         found = self._clients[principal, received.client].requests[received.sequence]
         assert isinstance(found, ReceivedId), "only a running request can be attached to"
         return found

@@ -341,7 +341,7 @@ class Client(Generic[RequestT, ResponseT]):
         if not self._handed_off:
             sent = _client.send_in_thread_then(self._inner, request, timeout, tell)
             if sent is not None:
-                return sent.give_up
+                return sent.cancel
         # Keep the order: earlier calls that the event loop sends go first, and end first.
         future: Future[ResponseT] = Future()
         future.add_done_callback(lambda done: self._ended(done, tell))

@@ -115,15 +115,15 @@ class SentCall(Protocol):
     """A call that was sent over a channel."""
 
     future: asyncio.Future[Any]
-    """Yields the response, or an error. Code that cancels it must call `give_up` afterwards.
+    """Yields the response, or an error. Code that cancels it must call `cancel` afterwards.
     asyncio's own class is used because awaiting it is fastest."""
     counter: RequestCounter | None
     """The counter that gave the call its sequence number; None without one."""
     sequence: int
     """The sequence number; 0 without one."""
 
-    def give_up(self, future: asyncio.Future[Any] | None = None) -> None:
-        """Cancel the call at the server, if the future was cancelled."""
+    def cancel(self, future: asyncio.Future[Any] | None = None) -> None:
+        """Cancel the call at the server, if its future was cancelled."""
 
 
 OnDone: TypeAlias = Callable[[Any, BaseException | None], object]
@@ -140,7 +140,7 @@ class WaitingThread(Protocol):
 class CallbackCall(Protocol):
     """A call that a thread has sent without waiting; it calls a function when it ends."""
 
-    def give_up(self) -> None:
+    def cancel(self) -> None:
         """Cancel the call; the function is not called."""
 
 

@@ -54,7 +54,9 @@ class BaseSession:
         """None once it is done."""
         self.handshake = ClientHandshake(me) if is_client else ServerHandshake(me)
         self.limits = DEFAULT_LIMITS if is_client else me.limits
+        """What this end accepts."""
         self.their_limits = DEFAULT_LIMITS
+        """What the peer accepts."""
         self.body_limit = DEFAULT_LIMITS.body
         """Bytes of the largest body that the peer accepts."""
         self.splitter = Splitter(HANDSHAKE_LIMIT)

@@ -48,7 +48,7 @@ LONGEST_TIME = 0xFFFFFFFF
 """The longest server time in a response, in microseconds; longer calls report this value."""
 
 
-# Module constants: looking an enum's member up takes as long as packing a header.
+# Module constants: to look up a member of an enum takes as long as to pack a header.
 _, _OPEN, _DRAINING, _CLOSED = ConnectionState
 _REQUEST, _RESPONSE = int(FrameType.REQUEST), int(FrameType.RESPONSE)
 _SUBSCRIBE, _PUBLISH = int(FrameType.SUBSCRIBE), int(FrameType.PUBLISH)
@@ -175,7 +175,7 @@ class Session(BaseSession):
 
     def open_tickets(self) -> list[Any]:
         """Return the tickets of all calls that are in flight and not cancelled."""
-        calls = list(self.open_calls.values())  # a copy: another thread may end a call meanwhile
+        calls = list(self.open_calls.values())  # a copy: another thread may end a call at any time
         tickets = [call[0] for call in calls] if self.is_client else [call.ticket for call in calls]
         return [ticket for ticket in tickets if ticket is not None]
 
@@ -207,10 +207,8 @@ class Session(BaseSession):
             self.send(_RESPONSE, 0, 0, call_id, server_time, body)
         return True
 
-    def answer_beside(
-        self, call_id: int, body: bytes, server_time: int
-    ) -> tuple[bytes, int] | None:
-        """Return the response as a frame that another thread writes directly, without `out`.
+    def pop_response(self, call_id: int, body: bytes, server_time: int) -> tuple[bytes, int] | None:
+        """End a call; return its response as a frame that another thread writes, without `out`.
 
         Also return the size of the request; pass it to `freed` on the session's own thread. Return
         None if the call has ended. The body must be smaller than LARGE.
@@ -222,7 +220,7 @@ class Session(BaseSession):
         return pack_frame(_RESPONSE, 0, 0, call_id, time, body), request.size
 
     def freed(self, size: int) -> None:
-        """Count the request of `answer_beside`, of so many bytes, as no longer in flight."""
+        """Count the request of `pop_response`, of so many bytes, as no longer in flight."""
         self.bytes_in_flight -= size
 
     def fail(self, call_id: int, error: TaskRpcError) -> bool:
@@ -306,7 +304,7 @@ class Session(BaseSession):
                 return topics.received(frame, is_client=self.is_client)
             return self._on_control(type_, flags, call_id, arg, body)
         size, open_calls = len(body), self.open_calls
-        # Only for requests: a server answers RESOLVE at once, and clients do not count it.
+        # Requests only: a server answers RESOLVE at once, and clients do not count it.
         exceeds_quota = len(open_calls) >= self.free_calls
         if open_calls and (exceeds_quota or self.bytes_in_flight + size > self.free_bytes):
             if self._is_full(size):

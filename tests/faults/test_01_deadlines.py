@@ -9,7 +9,7 @@ import pytest
 import taskrpc
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.transport.connection import deadline_timer
-from taskrpc.transport.connection.deadline_timer import TICK, Lookout
+from taskrpc.transport.connection.deadline_timer import TICK, CheckPlan
 from tests.faults.harness import Bug, Lateness, milliseconds, percentile
 from tests.taskrpc.transport.helpers import Add, Gate, ask
 
@@ -21,10 +21,10 @@ def early(patch):
 
 
 def late(patch):
-    def expect(lookout, deadline):
-        lookout.at, lookout.threshold = deadline + 2.0, deadline
+    def expect(plan, deadline):
+        plan.at, plan.threshold = deadline + 2.0, deadline
 
-    patch(Lookout, "expect", expect)
+    patch(CheckPlan, "expect", expect)
 
 
 def no_deadline_unless_said(patch):

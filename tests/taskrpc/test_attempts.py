@@ -37,14 +37,14 @@ class Sent:
 
     def __init__(self, outcome):
         self.future = asyncio.get_running_loop().create_future()
-        self.given_up = False
+        self.cancelled = False
         if isinstance(outcome, BaseException):
             self.future.set_exception(outcome)
         elif outcome is not NEVER:
             self.future.set_result(outcome)
 
-    def give_up(self, future=None):
-        self.given_up = True
+    def cancel(self, future=None):
+        self.cancelled = True
 
 
 NEVER = object()
@@ -171,11 +171,11 @@ async def test_cancelled_call_is_given_up_at_the_server():
     channel = FakeChannel(NEVER)
     call = asyncio.ensure_future(attempts(channel).result())
     await asyncio.sleep(1)
-    assert not channel.calls[0].given_up
+    assert not channel.calls[0].cancelled
     call.cancel()
     with pytest.raises(asyncio.CancelledError):
         await call
-    assert channel.calls[0].given_up
+    assert channel.calls[0].cancelled
 
 
 # The number of a request

@@ -20,7 +20,7 @@ from taskrpc.errors import (
 )
 from taskrpc.request_ids.ids import RequestCounter
 from taskrpc.transport.connection.connection import Connection, Owner
-from taskrpc.transport.connection.deadline_timer import LOOK_LATE, TICK
+from taskrpc.transport.connection.deadline_timer import CHECK_LATE, TICK
 from taskrpc.wire import messages
 from taskrpc.wire.events import (
     Closed,
@@ -50,10 +50,12 @@ class OpenCall(msgspec.Struct, eq=False):
     connection: CallingConnection
     decode: Callable[[Body], Any]
     deadline: float | None
+    """On the event loop's clock; None for none."""
     method: int = 0
+    """The server's method id; 0 for a RESOLVE."""
     body: Body = b""
     move: Callable[[OpenCall], object] | None = None
-    """Sends a call to another server that the first one certainly did not begin."""
+    """Sends the call to another server, if the first one certainly did not begin it."""
     flags: int = 0
     call_id: int = 0
     """0 until the request is sent."""
@@ -62,7 +64,7 @@ class OpenCall(msgspec.Struct, eq=False):
     """The counter that gave it the sequence number, None if the channel took none."""
     sequence: int = 0
     is_late: bool = False
-    """Whether the deadline has passed, and the server was asked if the call had begun."""
+    """Whether the deadline has passed and the client waits to hear whether the call had begun."""
 
     def failed(self, error: BaseException) -> None:
         """End the call with an error."""
@@ -73,7 +75,7 @@ class OpenCall(msgspec.Struct, eq=False):
             self.future.set_exception(error)
 
     def refused(self, error: TaskRpcError) -> None:
-        """Move the call, or fail it: the server did not begin it and takes no such calls."""
+        """Send the call to another server, or fail it: this server certainly did not begin it."""
         if self.move is None or self.is_late or self.moves >= MAX_MOVES:
             self.failed(error)
         elif not self.future.done():
@@ -84,28 +86,28 @@ class OpenCall(msgspec.Struct, eq=False):
     def expired(self) -> None:
         """Cancel the call after its deadline, and give the caller its outcome.
 
-        Only the server knows whether a sent call has begun. Its answer is awaited for the rest of
-        the tick by which the caller may be notified late.
+        Only the server knows whether a sent call has begun. The client waits for its answer during
+        the rest of the tick by which an expired call may end late.
         """
         if self.is_late or self.future.done():
             return
         if self.call_id and self.method:
-            self.connection.forget(self, but_hear=True)
+            self.connection.forget(self, await_outcome=True)
             self.is_late = True
             # From now, not from the deadline: a late event loop has not read the answer yet.
-            self.connection.owner.loop.call_later(TICK - LOOK_LATE, self._unheard)
+            self.connection.owner.loop.call_later(TICK - CHECK_LATE, self._outcome_unknown)
         else:  # not sent, or a RESOLVE: nothing can have run
             self.future.set_exception(_deadline_exceeded(not_executed=True))
             self.connection.forget(self)
 
-    def _unheard(self) -> None:
-        """The server has not answered whether an expired call had begun."""
+    def _outcome_unknown(self) -> None:
+        """End the call: the server did not say in time whether it had begun."""
         if not self.future.done():
             self.future.set_exception(_deadline_exceeded(not_executed=None))
             self.connection.forget(self)
 
-    def give_up(self, future: asyncio.Future[Any] | None = None) -> None:
-        """Cancel the call if the caller's future was cancelled."""
+    def cancel(self, future: asyncio.Future[Any] | None = None) -> None:
+        """Cancel the call at the server if the caller's future was cancelled."""
         if self.future.cancelled():
             self.connection.forget(self)
 
@@ -148,9 +150,13 @@ class CallingConnection(Connection):
         self.peer_id = b""
         """Identifies the server's program; new at each of its starts."""
         self._on_advertised = on_advertised
+        """Called when the server's services change."""
         self._waiting: deque[OpenCall] = deque()
+        """Calls that exceed the server's limits; sent later, in order."""
         self._writing_paused = False
+        """Whether the server reads more slowly than we write."""
         self._retired = False
+        """Whether the connection takes no new calls, and closes after the last response."""
 
     @property
     def is_usable(self) -> bool:
@@ -166,7 +172,7 @@ class CallingConnection(Connection):
         if len(call.body) > limit:
             size = len(call.body)
             raise InvalidRequest("", f"a message of {size} bytes; the server accepts {limit}")
-        if deadline is not None and deadline < self.look_before:
+        if deadline is not None and deadline < self.check_before:
             self.watch(deadline)
         if self._waiting or self._writing_paused or not self._send(call):
             self._waiting.append(call)
@@ -183,7 +189,7 @@ class CallingConnection(Connection):
         decode = messages.decode_resolved if question.name else messages.decode_listing
         call = OpenCall(self.owner.loop.create_future(), self, decode, deadline)
         if self.is_open:
-            if deadline is not None and deadline < self.look_before:
+            if deadline is not None and deadline < self.check_before:
                 self.watch(deadline)
             call.call_id = self.session.resolve(call, question, definition=definition)
             self.flush_soon()
@@ -192,15 +198,15 @@ class CallingConnection(Connection):
         return call
 
     def say(self, action: Callable[[Session], object]) -> None:
-        """Send something else than a call."""
+        """Let `action` send frames other than those of a call."""
         if self.transport is not None:
             action(self.session)
             self.flush_soon()
 
-    def forget(self, call: OpenCall, *, but_hear: bool = False) -> None:
-        """Cancel a call; with `but_hear` the server's answer still reaches it."""
+    def forget(self, call: OpenCall, *, await_outcome: bool = False) -> None:
+        """Cancel a call; with `await_outcome`, the server's answer still reaches it."""
         if call.call_id:
-            if but_hear:
+            if await_outcome:
                 self.session.ask_to_stop(call.call_id)
             elif call.is_late:  # it was cancelled before
                 self.session.drop(call.call_id)
@@ -264,7 +270,7 @@ class CallingConnection(Connection):
         self.epoch += 1
         self._on_advertised()
 
-    def _publishers_told(self, event: PublishersReceived) -> None:
+    def _publishers_received(self, event: PublishersReceived) -> None:
         if self.link is not None:
             self.link.publishers_received(event)
 
@@ -277,7 +283,7 @@ class CallingConnection(Connection):
         ResponseReceived: _answered,
         ErrorReceived: _failed,
         MessageReceived: _published,
-        PublishersReceived: _publishers_told,
+        PublishersReceived: _publishers_received,
         Ready: _opened,
         Draining: _drained,
         ServicesChanged: _advertised,
@@ -295,7 +301,7 @@ class CallingConnection(Connection):
         super().abort(error)
 
     def retire(self) -> None:
-        """Begin no more calls here; close once those in flight are answered."""
+        """Begin no more calls here; close after the last response."""
         self.epoch += 1
         self._retired = True
         self._refuse_waiting(refused_error())

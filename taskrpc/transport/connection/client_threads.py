@@ -1,7 +1,7 @@
 """Calls from threads: the calling thread sends the request, the event loop reads the response.
 
-Waking the event loop to send, and sleeping meanwhile, costs more than the call. So the calling
-thread writes to the socket itself if no other output is pending, under a lock that the event loop
+If the event loop sent the request, waking it would cost more than the call. So the calling thread
+writes to the socket itself if no other output is pending, under a lock that the event loop
 takes too. The event loop reads the response and wakes the thread directly.
 """
 
@@ -36,6 +36,7 @@ class Waiter:
 
     def __init__(self) -> None:
         self._sleep = threading.Lock()
+        """Locked until the call ends; the waiting thread acquires it."""
         self._sleep.acquire()
         self._done = False
         self._cancelled = False
@@ -50,10 +51,10 @@ class Waiter:
         """Whether the waiting thread was interrupted."""
         return self._cancelled
 
-    def give_up(self) -> None:
+    def cancel(self) -> None:
         """Cancel the call; its response is dropped."""
         self._done = self._cancelled = True
-        self.call.connection.owner.loop.call_soon_threadsafe(self.call.give_up)
+        self.call.connection.owner.loop.call_soon_threadsafe(self.call.cancel)
 
     def set_result(self, result: Any) -> None:
         """Wake the thread with a response."""
@@ -77,7 +78,7 @@ class Waiter:
             else:
                 self._sleep.acquire()
         except BaseException:  # Ctrl-C
-            self.give_up()
+            self.cancel()
             raise
         if self._error is not None:
             raise self._error
@@ -93,7 +94,7 @@ class CallbackWaiter:
     __slots__ = ("_cancelled", "_done", "_on_done", "call")
 
     call: OpenCall | None
-    """None once the call has ended, since a reference cycle would delay freeing it."""
+    """None once the call has ended: a reference cycle would delay freeing it."""
 
     def __init__(self, on_done: OnDone) -> None:
         self._on_done = on_done
@@ -108,12 +109,12 @@ class CallbackWaiter:
         """Whether the caller cancelled the call."""
         return self._cancelled
 
-    def give_up(self) -> None:
+    def cancel(self) -> None:
         """Cancel the call; its response is dropped."""
         call = self.call
         if not self._done and call is not None:
             self._done = self._cancelled = True
-            call.connection.owner.loop.call_soon_threadsafe(call.give_up)
+            call.connection.owner.loop.call_soon_threadsafe(call.cancel)
 
     def set_result(self, result: Any) -> None:
         """Report the response."""
@@ -133,19 +134,19 @@ class CallbackWaiter:
 class ThreadedConnection(CallingConnection):
     """A calling connection that other threads than the event loop's may use."""
 
-    __slots__ = ("_here", "_mine")
+    __slots__ = ("_lock", "_thread_socket")
 
     def __init__(self, owner: Owner, me: Identity, on_advertised: Callable[[], object]) -> None:
-        self._here = ThreadSocket()
-        self._mine = self._here.lock
+        self._thread_socket = ThreadSocket()
+        self._lock = self._thread_socket.lock
         """The lock for the session and for writing."""
         super().__init__(owner, me, on_advertised)
 
     def begin_in_thread(self, call: OpenCall) -> bool:
         """Send a call from the calling thread; False if only the event loop can begin it."""
-        # As `begin`, with other writing; a test compares both.
+        # Does the same as `begin`, but writes to the socket itself; a test compares both.
         session, deadline = self.session, call.deadline
-        with self._mine:
+        with self._lock:
             left = NO_DEADLINE if deadline is None else time_left(deadline, time.monotonic())
             if left <= 0 or not self._is_free(len(call.body)):
                 return False
@@ -154,87 +155,87 @@ class ThreadedConnection(CallingConnection):
                 return False
             if call.call_id >= LAST_CALL_ID:
                 self.epoch += 1
-            self._here.write(self, b"".join(session.take()))
-        if deadline is not None and deadline < self.look_before:
+            self._thread_socket.write(self, b"".join(session.take()))
+        if deadline is not None and deadline < self.check_before:
             self.owner.loop.call_soon_threadsafe(self.watch, deadline)
         return True
 
     # Called on the event loop
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The transport is there."""
-        self._here.open(transport)
+        """Begin: asyncio has connected the transport."""
+        self._thread_socket.open(transport)
         super().connection_made(transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The transport is gone."""
-        with self._mine:
-            self._here.close()
+        """End: the transport is closed."""
+        with self._lock:
+            self._thread_socket.close()
             super().connection_lost(exc)
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Bytes were read."""
-        with self._mine:
+        """Handle bytes that asyncio has read into the buffer."""
+        with self._lock:
             super().buffer_updated(nbytes)
 
     def begin(self, call: OpenCall) -> None:
         """Send a call, or queue it."""
-        with self._mine:
+        with self._lock:
             super().begin(call)
 
     def resolve(
         self, question: Resolve, deadline: float | None, *, definition: bool = False
     ) -> OpenCall:
         """Ask for a service, or for a listing."""
-        with self._mine:
+        with self._lock:
             return super().resolve(question, deadline, definition=definition)
 
     def say(self, action: Callable[[Session], object]) -> None:
-        """Send something else than a call."""
-        with self._mine:
+        """Let `action` send frames other than those of a call."""
+        with self._lock:
             super().say(action)
 
-    def forget(self, call: OpenCall, *, but_hear: bool = False) -> None:
-        """Cancel a call; with `but_hear` the server's answer still reaches it."""
-        with self._mine:
-            super().forget(call, but_hear=but_hear)
+    def forget(self, call: OpenCall, *, await_outcome: bool = False) -> None:
+        """Cancel a call; with `await_outcome`, the server's answer still reaches it."""
+        with self._lock:
+            super().forget(call, await_outcome=await_outcome)
 
     def resume_writing(self) -> None:
         """Send the queued calls: the server has read what was written."""
-        with self._mine:
+        with self._lock:
             super().resume_writing()
 
     def expiring(self) -> Iterable[OpenCall]:
         """The calls that wait for a response, and those that wait to be sent."""
-        with self._mine:
+        with self._lock:
             return super().expiring()
 
     def tick(self, now: float) -> None:
         """Check for silent and stalled peers."""
-        with self._mine:
+        with self._lock:
             super().tick(now)
 
     def flush(self) -> None:
         """Write the session's output, after the rest of a thread's write."""
-        here = self._here
-        with self._mine:
-            writes = self.session.out or not here.is_whole or not here.is_idle
-            if not here.is_whole:
-                here.write_rest(self.transport)
+        direct = self._thread_socket
+        with self._lock:
+            writes = self.session.out or not direct.is_whole or not direct.is_idle
+            if not direct.is_whole:
+                direct.write_rest(self.transport)
             super().flush()
             if writes and (transport := self.transport) is not None:
-                here.is_idle = not transport.get_write_buffer_size()
+                direct.is_idle = not transport.get_write_buffer_size()
 
     def _is_free(self, size: int) -> bool:
         """Whether a request may be written now: no other output is pending."""
-        session, here = self.session, self._here
+        session, direct = self.session, self._thread_socket
         return (
-            here.is_open
+            direct.is_open
             and self.transport is not None
             and size < LARGE
             and size <= session.body_limit
-            and here.is_whole
-            and here.is_idle
+            and direct.is_whole
+            and direct.is_idle
             and not self.owner.behind
             and not self.holds_back
             and not session.out

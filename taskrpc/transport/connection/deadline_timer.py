@@ -1,8 +1,8 @@
 """The deadlines of open calls: never checked early, at most half a tick late.
 
-A timer for each call costs a third of the call, an entry in a timer wheel a twentieth. Here a new
-call compares two numbers, and an answered call does nothing: one timer for each connection looks
-through its open calls when the earliest deadline has passed.
+A timer for each call would cost a third of the call; an entry in a timer wheel would cost a
+twentieth. Here a new call compares two numbers, and an answered call does nothing. Each connection
+has one timer: it checks the open calls when the earliest deadline has passed.
 """
 
 from __future__ import annotations
@@ -15,40 +15,40 @@ from collections.abc import Callable, Iterable
 from typing import Protocol
 
 TICK = 0.005
-"""Seconds by which a call may be told late that its deadline has passed."""
+"""Seconds by which an expired call may end late."""
 
-LOOK_LATE = TICK / 2
+CHECK_LATE = TICK / 2
 """Seconds by which a check may be late. In the rest of the tick the server may answer whether an
 expired call had begun."""
 
 _RESOLUTION = 1e-9
-"""Seconds by which the clock of an event loop may be before a timer's instant when it fires."""
+"""Seconds by which an event loop may call a timer early, by its own clock."""
 _COST = 1e-6
-"""Seconds of pause for each call that a look examined: thousands of them must not fill a tick."""
+"""Seconds of pause for each call that a check examined: thousands must not fill a whole tick."""
 
 
-class Lookout:
-    """Decides when to look for expired calls: plain arithmetic, with the time as an argument."""
+class CheckPlan:
+    """Decides when to check for expired calls: plain arithmetic, with the time as an argument."""
 
     __slots__ = ("at", "threshold")
 
     def __init__(self) -> None:
         self.at = math.inf
-        """The instant of the next look; infinite if none is planned."""
+        """The instant of the next check; infinite if none is planned."""
         self.threshold = math.inf
-        """A new deadline below this needs an earlier look; later ones are seen in time anyway."""
+        """A new deadline below this needs an earlier check; others are checked in time."""
 
     def expect(self, deadline: float) -> None:
-        """Plan a look at a deadline."""
+        """Plan a check at a deadline."""
         self.at = deadline
-        self.threshold = deadline - LOOK_LATE
+        self.threshold = deadline - CHECK_LATE
 
-    def looked(self, now: float, earliest: float, calls: int) -> None:
-        """Plan the next look after a look at so many calls; `earliest` is the next deadline."""
+    def checked(self, now: float, earliest: float, calls: int) -> None:
+        """Plan the check that follows one of so many calls; `earliest` is the next deadline."""
         if earliest == math.inf:
             self.at = self.threshold = math.inf
         else:
-            self.expect(max(earliest, now + max(LOOK_LATE, calls * _COST)))
+            self.expect(max(earliest, now + max(CHECK_LATE, calls * _COST)))
 
 
 def is_over(deadline: float, now: float) -> bool:
@@ -59,7 +59,7 @@ def is_over(deadline: float, now: float) -> bool:
 def clock_of(loop: asyncio.AbstractEventLoop) -> Callable[[], float]:
     """The clock behind `loop.time`, read directly where it is `time.monotonic`.
 
-    asyncio's wrapper costs twice the reading. uvloop's own reading stands still while callbacks
+    asyncio's wrapper takes twice as long. uvloop's own reading stands still while callbacks
     run, so that deadlines counted from it would come early; on Linux it has the same origin.
     """
     own = type(loop).time is asyncio.BaseEventLoop.time
@@ -79,7 +79,7 @@ class Expiring(Protocol):
 class Holder(Protocol):
     """An owner of open calls."""
 
-    look_before: float
+    check_before: float
     """An earlier deadline must be passed to `watch`; infinite while there is none."""
 
     def expiring(self) -> Iterable[Expiring]:
@@ -89,19 +89,19 @@ class Holder(Protocol):
 class Deadlines:
     """Calls `expired()` on a holder's open calls whose deadline has passed, with one timer."""
 
-    __slots__ = ("_holder", "_lookout", "_loop", "_timer")
+    __slots__ = ("_holder", "_loop", "_plan", "_timer")
 
     def __init__(self, loop: asyncio.AbstractEventLoop, holder: Holder) -> None:
         self._loop = loop
         self._holder = holder
-        self._lookout = Lookout()
+        self._plan = CheckPlan()
         self._timer: asyncio.TimerHandle | None = None
 
     def watch(self, deadline: float) -> None:
-        """Look at the open calls when this deadline passes."""
+        """Check the open calls when this deadline passes."""
         # Other threads may pass several deadlines before the event loop handles the first.
-        if deadline < self._holder.look_before:
-            self._lookout.expect(deadline)
+        if deadline < self._holder.check_before:
+            self._plan.expect(deadline)
             self._arm()
 
     def close(self) -> None:
@@ -112,19 +112,19 @@ class Deadlines:
 
     def _arm(self) -> None:
         self.close()
-        self._holder.look_before = self._lookout.threshold
-        if self._lookout.at != math.inf:
-            self._timer = self._loop.call_at(self._lookout.at, self._look)
+        self._holder.check_before = self._plan.threshold
+        if self._plan.at != math.inf:
+            self._timer = self._loop.call_at(self._plan.at, self._check)
 
-    def _look(self) -> None:
+    def _check(self) -> None:
         self._timer = None
         # A call that a thread begins from here on is not among those checked below.
-        self._holder.look_before = math.inf
+        self._holder.check_before = math.inf
         now = self._loop.time()
         open_calls = self._holder.expiring()
         calls = [(call.deadline, call) for call in open_calls if call.deadline is not None]
         left = [deadline for deadline, _ in calls if not is_over(deadline, now)]
-        self._lookout.looked(now, min(left, default=math.inf), len(calls))
+        self._plan.checked(now, min(left, default=math.inf), len(calls))
         self._arm()
         for deadline, call in calls:
             if is_over(deadline, now):

@@ -26,11 +26,14 @@ class Dialler:
 
     def __init__(self, network: Network, make: Callable[[Address], CallingConnection]) -> None:
         self.connections: dict[CallingConnection, None] = {}
-        """All open connections, also those that only finish their calls."""
+        """All open connections, including those that take no new calls."""
         self._network = network
         self._make = make
+        """Makes the protocol of a connection to this address."""
         self._newest: dict[str, CallingConnection] = {}
+        """By place: the connection for new calls."""
         self._dialling: dict[str, asyncio.Task[CallingConnection]] = {}
+        """By place: the task that connects."""
         self._closed = False
 
     async def connection(self, address: Address, deadline: float | None) -> CallingConnection:
@@ -48,7 +51,7 @@ class Dialler:
         task = self._dialling.get(address.place) or self._begin(address)
         loop = asyncio.get_running_loop()
         left = None if deadline is None else max(0.0, deadline - loop.time())
-        # A timeout of one waiting caller must not cancel the task for the others.
+        # Not `wait_for`: the timeout of one caller must not cancel the task for the others.
         done, _ = await asyncio.wait((task,), timeout=left)
         if not done:
             raise ConnectionLost(f"{address.place} did not answer in time", not_executed=True)
@@ -57,7 +60,7 @@ class Dialler:
         return task.result()
 
     def ended(self, connection: CallingConnection) -> None:
-        """Forget a connection that is gone."""
+        """Remove a connection that is gone."""
         self.connections.pop(connection, None)
         for place, each in list(self._newest.items()):
             if each is connection:
@@ -109,7 +112,7 @@ class Dialler:
             return connection
         finally:
             if not connection.is_open:
-                connection.abort(ConnectionLost(f"{address.place} was given up"))
+                connection.abort(ConnectionLost(f"the connection to {address.place} failed"))
 
 
 def placed(place: str, error: TaskRpcError) -> str:
@@ -131,7 +134,7 @@ def why_silent(address: Address) -> str:
 def _explained(address: Address, error: TaskRpcError, *, is_plain: bool) -> TaskRpcError:
     """The error of a failed handshake, with what to do."""
     if isinstance(error, AuthenticationFailed):
-        # Only a lab's token surely begins with an account's name; other tokens are all secret.
+        # Only a lab's token certainly begins with an account's name; any other is secret.
         if address.domain is None:
             return AuthenticationFailed(placed(address.place, error))
         account = account_of(address.token)

@@ -42,7 +42,7 @@ log = logging.getLogger("taskrpc.server")
 
 
 class CallNumbering(Protocol):
-    """What a server shares between all its calls."""
+    """The part of a server that all its calls share."""
 
     call_numbers: count[int]
     now: Callable[[], float]
@@ -73,7 +73,7 @@ class CallConnection(Protocol):
     def quota_key(self) -> QuotaKey:
         """The caller's key in the quotas."""
 
-    def answered_at_length(self, service: str, size: int) -> None:
+    def send_large(self, service: str, size: int) -> None:
         """Send a large response at once."""
 
     def flush_soon(self) -> None:
@@ -107,7 +107,7 @@ class RemoteCall(IncomingCall, eq=False, kw_only=True):
         spent = int((connection.server.now() - self.arrived) * 1e6 + 0.5)
         if session.respond(self.call_id, body, spent):
             if size >= LARGE:
-                connection.answered_at_length(self.service, size)
+                connection.send_large(self.service, size)
             elif not connection.in_turn:
                 connection.flush_soon()
 
@@ -127,14 +127,14 @@ class RemoteCall(IncomingCall, eq=False, kw_only=True):
         self.fail(DeadlineExceeded("no answer by the deadline", not_executed=unstarted))
 
     def lost(self) -> None:
-        """The connection is gone. A caller with a request id may come back until its deadline."""
+        """The connection is gone; a call with a request id is cancelled at its deadline only."""
         super().lost()
         if self.received_id is not None and self.deadline is not None:
             self.connection.owner.loop.call_at(self.deadline, self.cancel)
 
     @property
     def flow(self) -> Hashable:
-        """Whose call it is, where callers take turns: all connections of a caller are one."""
+        """The caller's key in fair queues; the same for all connections of one caller."""
         return self.connection.flow
 
     @property
@@ -143,7 +143,7 @@ class RemoteCall(IncomingCall, eq=False, kw_only=True):
         return self.connection.quota_key[1]
 
     def must_wait(self) -> bool:
-        """Whether too many responses are unread, by its caller or by all callers."""
+        """Whether its caller, or all callers together, have left too many responses unread."""
         return self.connection.must_wait(self)
 
     def postpone(self) -> None:
@@ -157,7 +157,7 @@ class RemoteCall(IncomingCall, eq=False, kw_only=True):
 
 
 class Route(msgspec.Struct, frozen=True, eq=False):
-    """What a method id of a connection stands for: a service, called by one node of the peer."""
+    """The meaning of a method id of a connection: a service, called by one node of the peer."""
 
     method: int
     offer: Offer
@@ -173,10 +173,10 @@ class Route(msgspec.Struct, frozen=True, eq=False):
 def route_to(offer: Offer, method: int, caller: str, account: str, role: Role) -> Route:
     """The route of a peer's node to a service, by the account and role of the peer."""
     request, response = codec_of(offer.srv_type.Request), codec_of(offer.srv_type.Response)
-    # Decided once here, so that an allowed call pays nothing for the check.
+    # Checked here once for all calls of the route: an allowed call pays nothing.
     decode = request.decode if role >= offer.role else denied(offer, account, role)
-    counts = offer.mode is Mode.EXACTLY_ONCE
-    split_id = id_splitter(offer.name) if counts else no_request_id(offer)
+    has_ids = offer.mode is Mode.EXACTLY_ONCE
+    split_id = id_splitter(offer.name) if has_ids else no_request_id(offer)
     return Route(method, offer, caller, decode, response.encode, call_class(offer), split_id)
 
 
@@ -196,7 +196,7 @@ def denied(offer: Offer, account: str, held: Role) -> Callable[[Body], Any]:
 def no_request_id(offer: Offer) -> Callable[[Body], Any]:
     """The `split_id` of a route to a service that is not exactly-once."""
 
-    def refuse(_: Body) -> Any:  # a caller who counts and is lost would never be given up
+    def refuse(_: Body) -> Any:  # `lost` would not cancel a call with a request id
         raise ProtocolError(f"a request id for {offer.name}, which is not exactly-once")
 
     return refuse
@@ -253,13 +253,13 @@ class ObservedCall(RemoteCall, eq=False, kw_only=True):
         self.span = self.connection.session.open_calls[self.call_id].span
         _debug(self, "call %d of %s from %s began")
         if (observer := self.route.offer.observer) is not None:
-            _tell(observer.call_began, self)
+            _notify(observer.call_began, self)
 
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Answer with a response message."""
         super().reply(response, body)
         if not self.ended and (observer := self.route.offer.observer) is not None:
-            _tell(observer.call_answered, self, response)
+            _notify(observer.call_answered, self, response)
         self._end(Code.OK)
 
     def reply_in_thread(self, body: bytes) -> bool:
@@ -281,27 +281,27 @@ class ObservedCall(RemoteCall, eq=False, kw_only=True):
         # A handler may still answer after its caller got DeadlineExceeded.
         if not self.ended:
             self.ended = True
-            _tell_end(self, self.route.offer.observer, code, self.clock() - self.arrived)
+            _report_end(self, self.route.offer.observer, code, self.clock() - self.arrived)
 
 
 def refused(connection: CallConnection, route: Route, error: TaskRpcError) -> None:
     """Report a request to the observer that was refused before it became a call."""
-    host, offer = connection.server, route.offer
-    who = route.caller, connection.principal, connection.role
-    call = CallInfo(offer.name, *who, next(host.call_numbers), None, host.now)
-    _tell_end(call, offer.observer, code_of(error), 0.0)
+    server, offer = connection.server, route.offer
+    caller = route.caller, connection.principal, connection.role
+    call = CallInfo(offer.name, *caller, next(server.call_numbers), None, server.now)
+    _report_end(call, offer.observer, code_of(error), 0.0)
 
 
-def _tell_end(call: CallInfo, observer: Observer | None, code: Code, seconds: float) -> None:
+def _report_end(call: CallInfo, observer: Observer | None, code: Code, seconds: float) -> None:
     _debug(call, "call %d of %s from %s ended: %s after %.6f s", code.name, seconds)
     if observer is not None:
-        _tell(observer.call_ended, call, code, seconds)
+        _notify(observer.call_ended, call, code, seconds)
 
 
-def _tell(notify: Callable[..., object], *args: Any) -> None:
+def _notify(method: Callable[..., object], *args: Any) -> None:
     from taskrpc.observer import call_observer  # few services have an observer
 
-    call_observer(notify, *args)
+    call_observer(method, *args)
 
 
 def _debug(call: CallInfo, text: str, *more: object) -> None:

@@ -106,9 +106,9 @@ class ServerContext(Owner, Protocol):
     offers: dict[int, Offer]
     """The services by their method ids."""
     backpressure: Backpressure
-    """Responses that callers have not read."""
+    """Limits the responses that callers have not read."""
     calls_in_flight: CallsInFlight
-    """Calls of callers that are in flight."""
+    """Limits the calls in flight, by caller."""
 
     @property
     def topics(self) -> PublishedTopics:
@@ -152,23 +152,26 @@ class ServingConnection(Connection):
         self.host_name = ""
         """The caller's machine, "" for this one; known once it is connected."""
         self.caller = ""
+        """The name of the caller's program; a route names the node."""
         self.quota_key: QuotaKey = ("", "")
         """The caller's key in the quotas for connections and memory."""
         self.flow: Hashable = b""
         """The caller's key in fair queues; each program of this machine has its own."""
         self.account: Account | None = None
         self.principal = ""
-        """The account that the caller has proved, "" for the server's own token."""
+        """The name of `account`, "" for the server's own token."""
         self.role = Role.ADMIN
         self._linger: asyncio.TimerHandle | None = None
+        """Closes the drained or refused connection."""
         self.writing_paused = False
         """Whether the caller reads more slowly than we write."""
         self.subscriber: SubscriberEvents | None = None
-        """What the caller has subscribed to, once it has."""
+        """The caller's subscriptions; None before the first."""
         self.session.set_quota(min(FREE.calls, me.limits.calls), min(FREE.bytes, me.limits.bytes))
-        # Created when needed: most of thousands of idle connections need no list.
+        # Created when first needed: of thousands of idle connections, most need no list.
         self._held: list[_Held] | None = None
-        # Several nodes of a program share a connection: a method id stands for service and node.
+        """Requests that may not begin yet; see `hold`."""
+        # Several nodes of a program share a connection: a method id names a service and a node.
         self._handles: dict[tuple[int, str], int] | None = None
         self._routes: dict[int, Route] = {}
 
@@ -187,7 +190,7 @@ class ServingConnection(Connection):
         if self.subscriber is not None:
             self.subscriber.caught_up()
 
-    def answered_at_length(self, service: str, size: int) -> None:
+    def send_large(self, service: str, size: int) -> None:
         """Send a large response at once, so that a caller that does not read it is noticed."""
         transport = self.transport
         if transport is not None and transport.is_closing():
@@ -207,7 +210,7 @@ class ServingConnection(Connection):
         return self.writing_paused or self.backpressure.forbids(call.service)
 
     def hold(self, event: _Held) -> None:
-        """Begin this later, when this caller or other callers have read their responses."""
+        """Begin this request later, when this caller or other callers have read their responses."""
         if self._held is None:
             self._held = []
         self._held.append(event)
@@ -215,7 +218,7 @@ class ServingConnection(Connection):
             self.backpressure.hold(self)
 
     def release(self) -> None:
-        """Begin what was held back, as far as there is room now."""
+        """Begin the requests that were held back; those without room are held again."""
         held, self._held = self._held, None
         for event in held or ():
             if isinstance(event, ResolveReceived):
@@ -250,7 +253,7 @@ class ServingConnection(Connection):
         return cast("list[RemoteCall]", self.session.open_tickets())
 
     def ended(self) -> None:
-        """Cancel what still runs for the caller: the connection is gone."""
+        """Cancel the calls that still run: the connection is gone."""
         if self._linger is not None:
             self._linger.cancel()
         self._held = None
@@ -262,13 +265,13 @@ class ServingConnection(Connection):
             call.lost()
 
     def drain(self) -> None:
-        """Take no new calls; close once those in flight are answered."""
+        """Take no new calls; close after the last response."""
         self._draining = True
         self.session.drain()
         self.flush()
 
     def drained(self) -> None:
-        """Close after the last answer."""
+        """Close after the last response."""
         if self._linger is None and not self.session.in_flight:
             if self.why_closed is not None:
                 self.refuse(self.why_closed)
@@ -276,7 +279,7 @@ class ServingConnection(Connection):
                 self._close_after(LINGER if self.session.state is ConnectionState.DRAINING else 0.0)
 
     def refuse(self, error: TaskRpcError) -> None:
-        """End the connection; the caller has a moment to read the reason and to close first."""
+        """End the connection; the caller has `LINGER` seconds to read the reason and to close."""
         self.why_closed = error
         self._close_after(LINGER)
         self.session.reject(error)
@@ -286,7 +289,7 @@ class ServingConnection(Connection):
         """Act on a change of the caller's account; `today` is in seconds since 1970.
 
         A revoked or expired account ends the connection. After any other change, the connection
-        drains: its caller connects anew and gets what the account allows now.
+        drains: the caller connects again and gets the rights that the account has now.
         """
         proved = self.account
         if proved is None or self.session.state is ConnectionState.CLOSED:
@@ -298,7 +301,7 @@ class ServingConnection(Connection):
             self._shut_out()
         elif account != proved and self.session.state is ConnectionState.OPEN:
             _accounts_log.info(
-                "the account %s changed; its connections are made again", proved.name
+                "the account %s changed; its callers must connect again", proved.name
             )
             self.role = account.role
             if self.subscriber is not None:  # a long call keeps the connection for a while
@@ -306,7 +309,7 @@ class ServingConnection(Connection):
             self.drain()
 
     def _shut_out(self) -> None:
-        """End the connection, whatever its caller does, and cancel its calls now."""
+        """Cancel the calls now, and end the connection even if the caller does not read."""
         error = AuthenticationFailed("the token is no longer valid for this server")
         self.refuse(error)
         for call in self.session.lost():
@@ -333,17 +336,15 @@ class ServingConnection(Connection):
             request = route.decode(event.body)
         except (InvalidRequest, PermissionDenied, ProtocolError) as error:
             session.fail(event.call_id, error)
-            self._tell_of_refusal(event.method, error)
+            self._report_refusal(event.method, error)
             return
-        event.body = (
-            b""  # frees the bytes while the call is open; the decoded message replaces them
-        )
-        # Not the current time: earlier calls of the same read may have run for long.
+        event.body = b""  # frees the bytes: the call has the decoded message
+        # Not the current time: earlier calls of the same read may have taken long.
         now = self.read_at
         deadline = None
         if event.time_left != NO_DEADLINE:
             deadline = now + event.time_left / 1000
-            if deadline < self.look_before:
+            if deadline < self.check_before:
                 self.watch(deadline)
         # CPython passes more than 15 keyword arguments in a dict, which costs 0.5 µs.
         call = event.ticket = route.call(
@@ -366,18 +367,18 @@ class ServingConnection(Connection):
         else:
             route.offer.serve(call)
 
-    def _announced(self, event: LargeRequestBegan) -> None:
+    def _large_request_began(self, event: LargeRequestBegan) -> None:
         if (refusal := self.server.calls_in_flight.refusal(self)) is not None:
             self.session.skip_large(refusal)
-            self._tell_of_refusal(event.method, refusal)
+            self._report_refusal(event.method, refusal)
 
-    def _crowded(self, event: QuotaExceeded) -> None:
+    def _quota_exceeded(self, event: QuotaExceeded) -> None:
         request, refusal = event.request, self.server.calls_in_flight.refusal(self)
         if refusal is None:
             self._requested(request)
         else:
             self.session.fail(request.call_id, refusal)
-            self._tell_of_refusal(request.method, refusal)
+            self._report_refusal(request.method, refusal)
 
     def _serve(self, call: RemoteCall) -> None:
         if self.must_wait(call):
@@ -386,14 +387,14 @@ class ServingConnection(Connection):
             call.route.offer.serve(call)
 
     def _cancelled(self, event: CancelReceived) -> None:
-        # Read only now: if request and CANCEL came in one read, the call was created in between.
+        # Not part of the event: if REQUEST and CANCEL came in one read, the call is newer than it.
         call = event.request.ticket
         if call is not None:
             call.cancel()
             unstarted = None if call.started else True
             call.fail(TaskRpcError("cancelled by the caller", not_executed=unstarted))
 
-    def _overran(self, event: LimitsExceeded) -> None:
+    def _limits_exceeded(self, event: LimitsExceeded) -> None:
         error = self.why_closed = event.error
         log.warning(
             "%s exceeded its limits; its connection closes after the last response: %s",
@@ -433,7 +434,7 @@ class ServingConnection(Connection):
             self.session.fail(event.call_id, mismatch(question, offer))
         elif len(self._routes) >= MAX_HANDLES:
             # Method ids are never reused on one connection; a new connection starts again at 1.
-            error = ServerBusy(f"{MAX_HANDLES} services were asked for on this connection")
+            error = ServerBusy(f"this connection has used all of its {MAX_HANDLES} method ids")
             self.session.fail(event.call_id, error)
             self.drain()
         else:
@@ -459,7 +460,7 @@ class ServingConnection(Connection):
         """Answer a RESOLVE that waited for its store to open or fail."""
         if self.transport is not None:
             error = store_id.exception()
-            # Asking again would read a store that cannot be opened for ever.
+            # Not `_resolved`: it would read the store again, without end.
             if method in self.server.offers and isinstance(error, TaskRpcError):
                 self.session.fail(event.call_id, error)
             else:
@@ -475,7 +476,7 @@ class ServingConnection(Connection):
             self._routes[handle] = route_to(offer, method, caller, self.principal, self.role)
         return handle
 
-    def _tell_of_refusal(self, method: int, error: TaskRpcError) -> None:
+    def _report_refusal(self, method: int, error: TaskRpcError) -> None:
         """Report a request to observers that was refused before it became a call."""
         route = self._routes.get(method)
         if route is None or route.call is RemoteCall:
@@ -485,13 +486,13 @@ class ServingConnection(Connection):
     serves = True
     handlers: ClassVar = {
         RequestReceived: _requested,
-        LargeRequestBegan: _announced,
-        QuotaExceeded: _crowded,
+        LargeRequestBegan: _large_request_began,
+        QuotaExceeded: _quota_exceeded,
         ResolveReceived: _resolved,
         CancelReceived: _cancelled,
         SubscribeReceived: _subscribed,
         UnsubscribeReceived: _unsubscribed,
-        LimitsExceeded: _overran,
+        LimitsExceeded: _limits_exceeded,
         Ready: _opened,
         Closed: Connection._closed,
     }

@@ -1,8 +1,8 @@
 """Responses from handler threads, which those threads write themselves.
 
-Waking the event loop to write costs as much as a small call. The thread takes the call out of the
-session and writes the response itself, if no other output is pending. Only the event loop does
-anything else with the session.
+Waking the event loop to write would cost as much as a small call. So the thread removes the call
+from the session and writes the response itself, if no other output is pending. Only the event loop
+uses the session in any other way.
 """
 
 from __future__ import annotations
@@ -20,13 +20,14 @@ from taskrpc.wire.handshake import Identity
 class ThreadedServing(ServingConnection):
     """A serving connection whose handlers may run in other threads."""
 
-    __slots__ = ("_freed", "_here", "_was_asked")
+    __slots__ = ("_freed", "_open_tried", "_thread_socket")
 
     def __init__(self, host: ServerContext, me: Identity) -> None:
-        self._here = ThreadSocket()
-        self._was_asked = False
+        self._thread_socket = ThreadSocket()
+        self._open_tried = False
+        """Whether the socket was opened for threads, with success or not."""
         self._freed: list[int] = []
-        """Sizes of requests that threads have answered and the session does not know yet."""
+        """Sizes of requests that threads answered; the session still counts them as in flight."""
         super().__init__(host, me)
 
     def answer_in_thread(self, call: RemoteCall, body: bytes) -> bool:
@@ -34,33 +35,33 @@ class ThreadedServing(ServingConnection):
         session, now = self.session, self.server.now
         if now is not time.monotonic or len(body) >= LARGE or len(body) > session.body_limit:
             return False
-        with self._here.lock:
+        with self._thread_socket.lock:
             if not self._is_free():
                 return False
             spent = int((now() - call.arrived) * 1e6 + 0.5)
-            answer = session.answer_beside(call.call_id, body, spent)
+            answer = session.pop_response(call.call_id, body, spent)
             if answer is not None:
                 frame, size = answer
                 # Before the caller gets the response: its next request may need the room.
                 self._freed.append(size)
-                self._here.write(self, frame)
+                self._thread_socket.write(self, frame)
         if self._draining:  # it may have been the last response
             self.owner.loop.call_soon_threadsafe(self.flush)
         return True
 
     def _is_free(self) -> bool:
         """Whether a response may be written now: no other output is pending or incomplete."""
-        here, transport = self._here, self.transport
-        if transport is None or self._draining or not here.is_whole:
+        direct, transport = self._thread_socket, self.transport
+        if transport is None or self._draining or not direct.is_whole:
             return False
         if (
             self.owner.behind or self.session.out
         ):  # responses must not overtake this; checked in this order
             return False
-        if not self._was_asked:  # most connections never need a second descriptor
-            self._was_asked = True
-            here.open(transport)
-        return here.is_open and here.is_idle and self.session.state is ConnectionState.OPEN
+        if not self._open_tried:  # most connections never need a second descriptor
+            self._open_tried = True
+            direct.open(transport)
+        return direct.is_open and direct.is_idle and self.session.state is ConnectionState.OPEN
 
     # Called on the event loop
 
@@ -80,19 +81,19 @@ class ThreadedServing(ServingConnection):
 
     def flush(self) -> None:
         """Write the session's output, after the rest of a thread's write."""
-        here = self._here
-        with self._here.lock:
-            writes = self.session.out or not here.is_whole or not here.is_idle
-            if not here.is_whole:
-                here.write_rest(self.transport)
+        direct = self._thread_socket
+        with self._thread_socket.lock:
+            writes = self.session.out or not direct.is_whole or not direct.is_idle
+            if not direct.is_whole:
+                direct.write_rest(self.transport)
             super().flush()
             if writes and (transport := self.transport) is not None:
-                here.is_idle = not transport.get_write_buffer_size()
+                direct.is_idle = not transport.get_write_buffer_size()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The transport is gone."""
-        with self._here.lock:
-            self._here.close()
+        """End: the transport is closed."""
+        with self._thread_socket.lock:
+            self._thread_socket.close()
             super().connection_lost(exc)
 
     def _settle(self) -> None:

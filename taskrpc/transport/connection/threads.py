@@ -14,8 +14,8 @@ from taskrpc.transport.connection.connection import Connection
 class ThreadSocket:
     """A connection's socket, shared by the event loop and other threads; writers hold the `lock`.
 
-    The connection opens it for threads, lets the event loop write what a thread could not, before
-    anything else, and closes it with the transport.
+    The connection opens it for threads, and closes it with the transport. If a thread could write
+    only a part, the event loop writes the rest before anything else.
     """
 
     __slots__ = ("_rest", "_socket", "is_idle", "lock")
@@ -23,12 +23,14 @@ class ThreadSocket:
     def __init__(self) -> None:
         self.lock = threading.RLock()
         self._rest = b""
+        """Bytes that a thread could not write."""
         self.is_idle = True
         """Whether the transport had written everything when the event loop last flushed.
 
         Threads must not read this from the transport: it writes its buffer without the lock, and
-        reports an empty buffer meanwhile."""
+        already reports an empty buffer while it writes."""
         self._socket: socket.socket | None = None
+        """A duplicate of the transport's socket."""
 
     @property
     def is_open(self) -> bool:
@@ -37,7 +39,7 @@ class ThreadSocket:
 
     @property
     def is_whole(self) -> bool:
-        """Whether the last write of a thread is complete: nothing may come in between."""
+        """Whether the last write of a thread is complete; until then, write no other output."""
         return not self._rest
 
     def open(self, transport: asyncio.BaseTransport) -> None:
@@ -87,9 +89,9 @@ class ThreadHandoff:
     def hand_over(self, action: Callable[[], object]) -> None:
         """Run an action on the event loop; threads send nothing directly while it is pending."""
         self.behind.append(None)
-        self.loop.call_soon_threadsafe(self._take_over, action)
+        self.loop.call_soon_threadsafe(self._run, action)
 
-    def _take_over(self, action: Callable[[], object]) -> None:
+    def _run(self, action: Callable[[], object]) -> None:
         try:
             action()
         finally:

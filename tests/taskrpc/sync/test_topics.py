@@ -165,7 +165,7 @@ def test_a_thread_that_is_faster_than_the_loop_waits_for_it(talker, monkeypatch)
     thread.start()
     thread.join(0.2)
     assert thread.is_alive()
-    assert len(publisher._inner._handed) == 4
+    assert len(publisher._inner._pending) == 4
     go_on.set()
     thread.join(5)
     publisher.destroy()

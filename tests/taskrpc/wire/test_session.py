@@ -57,13 +57,13 @@ def test_a_thread_can_write_a_response_directly():
     pair = open_pair()
     call_id = pair.client.request("ticket", 3, b"question", NO_DEADLINE)
     pair.deliver(pair.server)
-    frame, size = pair.server.answer_beside(call_id, b"answer", LONGEST_TIME + 1)
+    frame, size = pair.server.pop_response(call_id, b"answer", LONGEST_TIME + 1)
     assert not pair.server.out
     assert receive(pair.client, frame) == [ResponseReceived("ticket", b"answer", LONGEST_TIME)]
     assert (size, pair.server.bytes_in_flight, pair.server.in_flight) == (8, 8, 0)
     pair.server.freed(size)
     assert pair.server.bytes_in_flight == 0
-    assert pair.server.answer_beside(call_id, b"again", 0) is None
+    assert pair.server.pop_response(call_id, b"again", 0) is None
 
 
 def test_a_call_fails_with_the_servers_error():
@@ -354,7 +354,7 @@ def test_frames_of_a_server_have_no_flags_and_the_documented_fields():
     server = pair.server
     assert server.respond(first, b"answer", 7)
     assert b"".join(server.take()) == frame(FrameType.RESPONSE, first, 7, b"answer")
-    assert server.answer_beside(second, b"other", 8) == (
+    assert server.pop_response(second, b"other", 8) == (
         frame(FrameType.RESPONSE, second, 8, b"other"),
         len(b"question"),
     )

@@ -48,7 +48,7 @@ def test_requests_and_responses_are_sent_as_any_other_frame(requests, server_tim
     receive(pair.server, b"".join(sent))
     for call_id, (_, size, _, _) in enumerate(requests, 1):
         if beside and size < LARGE:
-            answer, freed = pair.server.answer_beside(call_id, bytes(size), server_time)
+            answer, freed = pair.server.pop_response(call_id, bytes(size), server_time)
             pair.server.freed(freed)
             pair.server.out.append(answer)
         else:

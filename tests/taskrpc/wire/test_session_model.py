@@ -113,7 +113,7 @@ class Talk(RuleBasedStateMachine):
         if how == "fail":
             server.fail(call, TaskRpcError(f"no {call}"))
         elif how == "beside" and size < LARGE and server.state is ConnectionState.OPEN:
-            frame, freed = server.answer_beside(call, bytes(size), call)
+            frame, freed = server.pop_response(call, bytes(size), call)
             server.freed(freed)
             self.pair.wire[self.pair.client] += frame
         else:

@@ -52,7 +52,7 @@ def test_loop_sends_the_bytes_that_the_socket_did_not_accept(node, takes):
     node.create_service(AddTwoInts, "add", add, concurrency=4)
     client = node.create_client(AddTwoInts, "add")
     assert client.wait_for_service(timeout=60)
-    here = client._inner._channel._connection._here
+    here = client._inner._channel._connection._thread_socket
     here._socket = stingy = Stingy(here._socket, takes)
     with ThreadPoolExecutor(8) as threads:
         sums = threads.map(lambda n: client.call(AddTwoInts.Request(a=n, b=n)).sum, range(300))
@@ -64,7 +64,7 @@ def test_a_caller_writes_to_the_socket_itself(node):
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
     assert client.wait_for_service(timeout=60)
-    here = client._inner._channel._connection._here
+    here = client._inner._channel._connection._thread_socket
     here._socket = stingy = Stingy(here._socket, 10**6)
     for n in range(20):
         assert client.call(AddTwoInts.Request(a=n, b=n)).sum == 2 * n
@@ -112,7 +112,7 @@ def test_the_loop_waits_for_a_thread_that_begins_a_call(node, what):
         getattr(connection, what)()
         done.set()
 
-    with connection._mine:
+    with connection._lock:
         node._loop.soon(act)
         assert not done.wait(0.05)
     assert done.wait(60)
@@ -130,7 +130,7 @@ def test_simultaneous_deadlines_of_several_threads_are_all_kept(node):
         now = node._loop._loop.time()
         for span in (0.5, 30.0):
             connection.watch(now + span)
-        planned.append(connection.look_before - now)
+        planned.append(connection.check_before - now)
 
     node._loop.do(tell, "tell()")
     assert planned[0] < 1
@@ -253,9 +253,9 @@ def test_cancelled_call_is_not_reported_and_is_cancelled_at_the_server(node):
     client = node.create_client(AddTwoInts, "wait")
     told = []
     for _ in range(2):  # once by the loop, once directly
-        give_up = client.call_then(AddTwoInts.Request(), lambda *end: told.append(end))
+        cancel = client.call_then(AddTwoInts.Request(), lambda *end: told.append(end))
         assert begun.wait(60)
-        give_up()
+        cancel()
         assert cancelled.wait(60)
         begun.clear()
         cancelled.clear()

@@ -1,4 +1,4 @@
-"""A lookout plans looks so that each deadline is seen: never early, at most half a tick late."""
+"""A plan plans looks so that each deadline is seen: never early, at most half a tick late."""
 
 import math
 
@@ -7,41 +7,41 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from taskrpc.transport.connection.deadline_timer import LOOK_LATE, TICK, Lookout, is_over
+from taskrpc.transport.connection.deadline_timer import CHECK_LATE, TICK, CheckPlan, is_over
 
 RESOLUTION = 2e-9
 
 
 def test_nothing_is_planned_for_nobody():
-    lookout = Lookout()
-    assert lookout.at == math.inf
-    lookout.expect(3.0)
-    lookout.looked(3.0, math.inf, 1)
-    assert lookout.at == lookout.threshold == math.inf
+    plan = CheckPlan()
+    assert plan.at == math.inf
+    plan.expect(3.0)
+    plan.checked(3.0, math.inf, 1)
+    assert plan.at == plan.threshold == math.inf
 
 
 def test_a_look_is_planned_for_the_deadline_itself():
-    lookout = Lookout()
-    lookout.expect(3.0021)
-    assert lookout.at == 3.0021
+    plan = CheckPlan()
+    plan.expect(3.0021)
+    assert plan.at == 3.0021
 
 
 def test_later_deadlines_and_those_within_half_a_tick_are_not_reported():
-    lookout = Lookout()
-    lookout.expect(3.0)
-    assert lookout.threshold == 3.0 - LOOK_LATE
+    plan = CheckPlan()
+    plan.expect(3.0)
+    assert plan.threshold == 3.0 - CHECK_LATE
 
 
 def test_looks_are_half_a_tick_apart():
-    lookout = Lookout()
-    lookout.looked(1.0, 1.0001, 2)
-    assert lookout.at == 1.0 + LOOK_LATE
+    plan = CheckPlan()
+    plan.checked(1.0, 1.0001, 2)
+    assert plan.at == 1.0 + CHECK_LATE
 
 
 def test_a_look_through_very_many_calls_is_followed_by_a_longer_rest():
-    lookout = Lookout()
-    lookout.looked(1.0, 1.0001, 100_000)
-    assert lookout.at == pytest.approx(1.1)
+    plan = CheckPlan()
+    plan.checked(1.0, 1.0001, 100_000)
+    assert plan.at == pytest.approx(1.1)
 
 
 @pytest.mark.parametrize("now", [0.0, 1e3, 4e6])
@@ -56,7 +56,7 @@ class Watching(RuleBasedStateMachine):
     @initialize(start=st.sampled_from([0.0, 12345.678, 3e6]))
     def begin(self, start):
         self.now = start
-        self.lookout = Lookout()
+        self.plan = CheckPlan()
         self.open = {}
         self.number = 0
 
@@ -64,8 +64,8 @@ class Watching(RuleBasedStateMachine):
     def call(self, after):
         self.number += 1
         deadline = self.open[self.number] = self.now + after
-        if deadline < self.lookout.threshold:
-            self.lookout.expect(deadline)
+        if deadline < self.plan.threshold:
+            self.plan.expect(deadline)
 
     @rule(data=st.data())
     def answer(self, data):
@@ -75,20 +75,20 @@ class Watching(RuleBasedStateMachine):
     @rule(step=st.one_of(st.floats(0, 0.02), st.floats(0, 3)))
     def wait(self, step):
         end = self.now + step
-        while self.lookout.at <= end:
-            self.now = max(self.now, self.lookout.at)
-            self.look()
+        while self.plan.at <= end:
+            self.now = max(self.now, self.plan.at)
+            self.check()
         self.now = end
-        assert all(deadline + LOOK_LATE + RESOLUTION > self.now for deadline in self.open.values())
+        assert all(deadline + CHECK_LATE + RESOLUTION > self.now for deadline in self.open.values())
 
-    def look(self):
+    def check(self):
         calls = len(self.open)
         for number, deadline in list(self.open.items()):
             if is_over(deadline, self.now):
                 assert deadline <= self.now + RESOLUTION, "early"
                 del self.open[number]
-        self.lookout.looked(self.now, min(self.open.values(), default=math.inf), calls)
-        assert self.lookout.at >= self.now + LOOK_LATE
+        self.plan.checked(self.now, min(self.open.values(), default=math.inf), calls)
+        assert self.plan.at >= self.now + CHECK_LATE
 
 
 TestWatching = Watching.TestCase

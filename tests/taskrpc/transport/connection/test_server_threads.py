@@ -136,7 +136,7 @@ async def test_a_caller_who_does_not_read_gets_every_answer_whole(server, client
             call.reply(Echo.Response(name=text))
     assert 0 < here < 60
     assert [answer.name for answer in await asyncio.gather(*futures)] == texts
-    assert served(server)._here.is_whole
+    assert served(server)._thread_socket.is_whole
 
 
 async def test_an_answer_that_a_thread_began_is_written_before_the_connection_is_closed(
@@ -153,7 +153,7 @@ async def test_an_answer_that_a_thread_began_is_written_before_the_connection_is
         count = 0
         while answer_here(taken[count], text):
             count += 1
-            if not connection._here.is_whole:
+            if not connection._thread_socket.is_whole:
                 break
         connection.close()
         closed.count = count
@@ -179,10 +179,10 @@ class Full:
 
 async def test_an_answer_for_which_the_system_has_no_room_goes_by_the_loop(server, client, taken):
     (future,) = await calls(client, taken, 1)
-    here = served(server)._here
+    here = served(server)._thread_socket
     here.open(served(server).transport)
     here._socket = Full(here._socket)
-    served(server)._was_asked = True
+    served(server)._open_tried = True
     assert answer_here(taken[0], "x")
     assert (await asyncio.wait_for(future, 60)).name == "x"
 
@@ -199,9 +199,9 @@ class Exhausted:
 
 async def test_without_a_descriptor_for_threads_the_loop_answers(server, client, taken):
     (future,) = await calls(client, taken, 1)
-    here = served(server)._here
+    here = served(server)._thread_socket
     here.open(Exhausted())
-    served(server)._was_asked = True
+    served(server)._open_tried = True
     assert not answer_here(taken[0], "x")
     taken[0].reply(Echo.Response(name="x"))
     assert (await asyncio.wait_for(future, 60)).name == "x"
@@ -255,7 +255,7 @@ async def test_an_answer_to_a_caller_who_is_gone_is_dropped(server, taken):
         await calls(client, taken, 2)
     while connection.transport is not None:
         await asyncio.sleep(0.01)
-    assert not connection._here.is_open
+    assert not connection._thread_socket.is_open
     for call in taken:
         call.reply(Echo.Response())
     assert not answer_here(taken[-1], "late")

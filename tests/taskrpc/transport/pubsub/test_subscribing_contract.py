@@ -119,7 +119,7 @@ async def test_a_peer_that_falls_silent_before_it_responds_is_asked_again(net, c
         listener.create_subscription(Int32, "counts", print)
         await until(lambda: asked)
     for connection in list(listener._transport.dialler.connections):
-        connection.abort(ProtocolError("the peer acknowledges nothing"))
+        connection.abort(ProtocolError("the peer did not acknowledge our output in time"))
     await until(publisher.get_subscription_count)
     assert of_topics(caplog) == []
 
@@ -348,7 +348,7 @@ async def test_a_thread_that_waits_to_publish_learns_that_the_publisher_is_gone(
 
     thread = threading.Thread(target=publish)
     thread.start()
-    while len(publisher._handed) < 2:  # the loop is kept busy by us
+    while len(publisher._pending) < 2:  # the loop is kept busy by us
         time.sleep(0.001)
     publisher.destroy()
     await asyncio.get_running_loop().run_in_executor(None, thread.join, 5)
