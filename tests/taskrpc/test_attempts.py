@@ -1,4 +1,4 @@
-"""One call over a channel that fails as it is told: what is sent again, and at what cost."""
+"""One call over a channel with planned failures: which requests are repeated, and at what cost."""
 
 import asyncio
 import copy
@@ -31,7 +31,7 @@ AT_ONCE = RetryPolicy(wait_initial=0.01, wait_max=0.01, wait_jitter=0)
 
 
 class Sent:
-    """A call that was sent and has its outcome already."""
+    """A call that was sent and already has its outcome."""
 
     counter, sequence = None, 0
 
@@ -48,11 +48,11 @@ class Sent:
 
 
 NEVER = object()
-"""The outcome of a call that is never answered."""
+"""The outcome of a call without a response."""
 
 
 class FakeChannel:
-    """Gives each sending the next of these outcomes; a function changes the server in between."""
+    """Gives each attempt the next of these outcomes; a function may change the server then."""
 
     service_name = "/add"
 
@@ -167,7 +167,7 @@ async def test_retry_that_would_come_after_the_deadline_is_not_awaited(timeout, 
     assert len(channel.sent) == sendings
 
 
-async def test_cancelled_call_is_given_up_at_the_server():
+async def test_cancelled_call_is_cancelled_at_the_server():
     channel = FakeChannel(NEVER)
     call = asyncio.ensure_future(attempts(channel).result())
     await asyncio.sleep(1)
@@ -178,26 +178,26 @@ async def test_cancelled_call_is_given_up_at_the_server():
     assert channel.calls[0].cancelled
 
 
-# The number of a request
+# Request ids
 
 
-async def test_request_id_becomes_the_number_of_this_service():
+async def test_request_id_belongs_to_its_service():
     channel = FakeChannel("response")
     await attempts(channel, request_id="order 1").result()
     assert channel.sent == [named_request_id("/add", "order 1")]
 
 
 @pytest.mark.parametrize("change", [another_store, no_longer_exactly_once])
-async def test_request_that_may_have_run_goes_to_no_other_store(change):
+async def test_request_that_may_have_run_is_not_sent_to_another_store(change):
     channel, loop = FakeChannel((lost(), change)), asyncio.get_running_loop()
     began = loop.time()
     with pytest.raises(OutcomeUnknown, match="an earlier attempt of the call may have run"):
         await attempts(channel).result()
     assert len(channel.sent) == 1
-    assert loop.time() - began < 1, "there is nothing to wait for"
+    assert loop.time() - began < 1, "the call must not wait"
 
 
-async def test_request_that_certainly_did_not_run_is_counted_by_the_next_store():
+async def test_request_that_did_not_run_gets_a_new_number_for_the_next_store():
     channel = FakeChannel((lost(not_executed=True), another_store), "response")
     assert await attempts(channel).result() == "response"
     assert [number.client[0] for number in channel.sent] == [1, 2]
@@ -205,14 +205,14 @@ async def test_request_that_certainly_did_not_run_is_counted_by_the_next_store()
         assert counter.request_id(2).first_incomplete == 2, "the number is still in use"
 
 
-async def test_request_that_certainly_did_not_run_needs_no_number_any_more():
+async def test_request_that_did_not_run_may_be_sent_without_a_number():
     unsent = ServiceUnavailable("gone", not_executed=True)
     channel = FakeChannel((unsent, no_longer_exactly_once), "response")
     assert await attempts(channel).result() == "response"
     assert [number is None for number in channel.sent] == [False, True]
 
 
-async def test_forgotten_client_counts_anew_at_once_but_only_once():
+async def test_forgotten_client_is_replaced_at_once_but_only_once():
     channel, loop = (
         FakeChannel(SessionExpired("a"), SessionExpired("b")),
         asyncio.get_running_loop(),
@@ -224,7 +224,7 @@ async def test_forgotten_client_counts_anew_at_once_but_only_once():
     assert loop.time() == began
 
 
-async def test_forgotten_request_id_is_not_counted_anew():
+async def test_forgotten_request_id_is_not_sent_again():
     channel = FakeChannel(SessionExpired("forgotten"))
     with pytest.raises((OutcomeUnknown, SessionExpired)):
         await attempts(channel, request_id="order 1").result()
@@ -260,7 +260,7 @@ def fresh(outcome):
 
 
 def result_of(outcomes, mode, run):
-    """What a run of one call yields: its response or error, the ids sent, what is settled."""
+    """The effects of one call: its response or error, the ids sent, the settled numbers."""
 
     async def main():
         store_id = b"S" * 16 if mode is Mode.EXACTLY_ONCE else b""

@@ -1,4 +1,4 @@
-"""A client waits exactly as long as its policy says, and never past its deadline."""
+"""A client waits as its retry policy says, and never longer than its deadline."""
 
 import asyncio
 import inspect
@@ -34,7 +34,7 @@ def gaps(instants):
     return [round(b - a, 6) for a, b in itertools.pairwise(instants)]
 
 
-async def test_the_lectures_policy_waits_one_two_four_seconds(node):
+async def test_policy_of_the_lecture_waits_one_two_and_four_seconds(node):
     unavailable = taskrpc.HandlerError("UNAVAILABLE", "not yet")
     instants, callback = failing(9, unavailable)
     node.create_service(Add, "flaky", callback)
@@ -45,7 +45,7 @@ async def test_the_lectures_policy_waits_one_two_four_seconds(node):
     assert gaps(instants) == [1, 2, 4]
 
 
-async def test_a_retry_that_could_not_end_in_time_is_not_waited_for(node):
+async def test_retry_after_the_deadline_is_not_awaited(node):
     unavailable = taskrpc.HandlerError("UNAVAILABLE", "not yet")
     instants, callback = failing(9, unavailable)
     node.create_service(Add, "flaky", callback)
@@ -56,7 +56,7 @@ async def test_a_retry_that_could_not_end_in_time_is_not_waited_for(node):
     assert gaps(instants) == [4, 4]
 
 
-async def test_a_busy_servers_own_wait_is_kept(node, monkeypatch):
+async def test_retry_waits_as_long_as_a_busy_server_asks(node, monkeypatch):
     monkeypatch.setattr("taskrpc.service.QUEUE_LIMIT", 0)
     gate = Gate()
     node.create_service(Add, "gate", gate)
@@ -69,10 +69,10 @@ async def test_a_busy_servers_own_wait_is_kept(node, monkeypatch):
     assert (await first).sum == 1
     began = asyncio.get_running_loop().time()
     assert (await second).sum == 2
-    assert asyncio.get_running_loop().time() - began >= 0.04  # of the 0.1 s that it was told
+    assert asyncio.get_running_loop().time() - began >= 0.04  # of the 0.1 s in the server's error
 
 
-async def test_an_empty_budget_spaces_retries_to_three_a_second(node):
+async def test_empty_budget_limits_retries_to_three_a_second(node):
     instants, callback = failing(10**6, taskrpc.HandlerError("UNAVAILABLE", "no"))
     node.create_service(Add, "down", callback)
     policy = RetryPolicy(wait_initial=0, wait_jitter=0)
@@ -82,7 +82,7 @@ async def test_an_empty_budget_spaces_retries_to_three_a_second(node):
     assert gaps(instants)[-1] == pytest.approx(1 / 3)
 
 
-async def test_a_clients_defaults_give_way_to_the_calls_own(node):
+async def test_arguments_of_a_call_override_the_defaults_of_its_client(node):
     instants, callback = failing(1, taskrpc.HandlerError("UNAVAILABLE", "no"))
     node.create_service(Add, "flaky", callback)
     client = node.create_client(Add, "flaky", retry=RetryPolicy(), timeout=5)
@@ -101,7 +101,7 @@ async def test_the_deadline_covers_waiting_and_retries_together(node):
     assert asyncio.get_running_loop().time() - began == pytest.approx(3, abs=0.01)
 
 
-async def test_cancelling_a_call_that_waits_for_its_server_leaves_nothing(node):
+async def test_call_that_waits_for_a_server_can_be_cancelled(node):
     client = node.create_client(Add, "absent", retry=RetryPolicy())
     call = client.call_async(ask())
     await asyncio.sleep(1)
@@ -112,7 +112,7 @@ async def test_cancelling_a_call_that_waits_for_its_server_leaves_nothing(node):
     assert (await client.call(ask(1))).sum == 1
 
 
-async def test_an_abandoned_client_is_not_woken_by_services_of_others(node):
+async def test_waiting_client_ignores_other_services(node):
     client = node.create_client(Add, "absent")
     waiting = asyncio.create_task(client.wait_for_service(3))
     for n in range(20):
@@ -121,7 +121,7 @@ async def test_an_abandoned_client_is_not_woken_by_services_of_others(node):
     assert await waiting is False
 
 
-async def test_a_call_is_awaitable_to_every_tool_that_asks(node):
+async def test_call_is_a_coroutine(node):
     node.create_service(Add, "add", add)
     call = node.create_client(Add, "add").call(ask(1, 2))
     assert inspect.isawaitable(call)
@@ -130,7 +130,7 @@ async def test_a_call_is_awaitable_to_every_tool_that_asks(node):
 
 
 async def test_no_call_overtakes_those_that_wait_for_the_connection(node):
-    """Whichever turn of the loop between two calls is the one in which the connection is there."""
+    """The connection may be ready in any iteration of the loop between two calls."""
     arrived = []
 
     def note(request, response):
@@ -167,7 +167,7 @@ async def test_a_call_cancelled_as_soon_as_the_connection_sent_it_is_cancelled_a
 
 
 async def test_a_call_sent_over_a_connection_that_is_lost_at_once_has_an_unknown_outcome(node):
-    """The connection is lost before the call's own task has heard of it."""
+    """The connection is lost before the call's own task has run."""
     gate = Gate()
     node.create_service(Add, "gate", gate)
     client = node.create_client(Add, "gate", timeout=2)

@@ -1,4 +1,4 @@
-"""A node has a name, serves while it spins, and ends when, and only as far as, it is told."""
+"""A node: its name, start, end, spinning, and its services and clients."""
 
 import asyncio
 import gc
@@ -38,7 +38,7 @@ async def test_services_and_clients_of_a_namespace_find_each_other():
 
 
 @pytest.mark.parametrize("state", ["new", "destroyed"])
-async def test_a_node_that_has_not_started_or_has_ended_says_so(state):
+async def test_use_of_a_node_that_does_not_run_is_refused(state):
     node = memory()
     if state == "destroyed":
         await node.start()
@@ -52,7 +52,7 @@ async def test_a_node_that_has_not_started_or_has_ended_says_so(state):
         await node.graph()
 
 
-async def test_a_destroyed_node_may_be_destroyed_again_and_its_parts_may_be_used():
+async def test_methods_of_a_destroyed_node_and_its_parts_may_be_called():
     async with memory("other") as other:
         node = memory()
         await node.start()
@@ -78,7 +78,7 @@ async def test_a_node_may_start_again():
             assert (await node.create_client(Add, "add").call(ask(1))).sum == 1
 
 
-async def test_an_unknown_transport_is_named():
+async def test_error_names_an_unknown_transport():
     with pytest.raises(taskrpc.TaskRpcError, match="expected 'tcp' or 'memory', got 'pigeon'"):
         await taskrpc.Node("node", transport="pigeon").start()
 
@@ -92,7 +92,7 @@ async def test_class_that_is_not_a_service_type_is_refused():
                 node.create_service(wrong, "add", add)
 
 
-async def test_a_service_needs_room_for_one_call():
+async def test_concurrency_below_one_is_refused():
     async with memory() as node:
         with pytest.raises(ValueError, match="concurrency: expected at least 1, got 0"):
             node.create_service(Add, "add", add, concurrency=0)
@@ -144,7 +144,7 @@ async def test_one_signal_ends_every_node_that_spins(number):
         await asyncio.wait_for(spinning, 60)
 
 
-async def test_nodes_of_equal_settings_share_an_endpoint_until_the_last_has_gone():
+async def test_nodes_with_equal_settings_share_an_endpoint_until_the_last_is_destroyed():
     one, other = memory("one"), memory("other")
     await one.start()
     await other.start()
@@ -171,7 +171,7 @@ def test_run_returns_the_result_of_its_coroutine_and_leaves_no_loop():
         asyncio.get_running_loop()
 
 
-def test_the_fast_loop_is_uvloops_or_asyncios_own():
+def test_fast_loop_is_from_uvloop_or_asyncio():
     factory = fast_loop()
     assert factory is None or factory.__module__.startswith("uvloop")
 
@@ -202,7 +202,7 @@ async def test_destroyed_clients_and_services_are_forgotten_by_the_node(transpor
         assert [each for each in gone if each() is not None] == []
 
 
-async def test_a_service_that_still_answers_is_known_to_its_node_until_it_has():
+async def test_node_keeps_a_destroyed_service_until_its_last_response():
     gate = Gate()
     async with memory("server") as server, memory() as node:
         service = server.create_service(Add, "add", gate)

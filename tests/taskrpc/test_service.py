@@ -1,4 +1,4 @@
-"""A service answers each call exactly once, whatever its callback does and whenever it ends."""
+"""A service responds to each call exactly once, even if its callback fails or the service ends."""
 
 import asyncio
 import gc
@@ -44,7 +44,7 @@ class Fake(IncomingCall, eq=False, kw_only=True):
         self.ends.append(response)
 
     def fail(self, error):
-        # A terminal frame goes out once; later ones find the call answered, as on a connection.
+        # As on a connection: only the first terminal frame is sent.
         if not self.ends:
             self.ends.append(error)
 
@@ -80,7 +80,7 @@ async def test_a_destroyed_service_finishes_when_its_last_call_is_answered():
     assert all(len(call.ends) == 1 for call in calls)
 
 
-async def test_an_idle_service_finishes_at_once():
+async def test_idle_service_finishes_at_once():
     _, made = service(lambda request, response: response, threaded=True)
     made.destroy()
     made.destroy()
@@ -96,7 +96,7 @@ async def test_call_after_the_end_of_a_service_is_sent_to_another_server():
     assert not call.started
 
 
-async def test_a_call_whose_deadline_has_passed_is_not_begun():
+async def test_call_whose_deadline_has_passed_is_not_executed():
     transport, _ = service(lambda request, response: response)
     call = FakeCall(1, deadline=asyncio.get_running_loop().time())
     transport.serve(call)
@@ -105,8 +105,8 @@ async def test_a_call_whose_deadline_has_passed_is_not_begun():
     assert not call.started
 
 
-async def test_the_queue_checks_deadlines_itself():
-    """The timer wheel may be a tick late; the callback must not start all the same."""
+async def test_queue_checks_deadlines_itself():
+    """The timer may be a tick late; the callback must still not start."""
     loop = asyncio.get_running_loop()
     started = []
 
@@ -124,7 +124,7 @@ async def test_the_queue_checks_deadlines_itself():
     assert isinstance(calls[1].ends[0], taskrpc.DeadlineExceeded)
 
 
-async def test_a_call_whose_turn_comes_too_late_leaves_it_to_one_that_has_time():
+async def test_call_with_too_little_time_left_is_refused_if_others_wait():
     loop = asyncio.get_running_loop()
     started = []
 
@@ -151,10 +151,10 @@ async def test_a_call_whose_turn_comes_too_late_leaves_it_to_one_that_has_time()
     alone = FakeCall(102, deadline=loop.time() + 0.5)
     transport.serve(alone)
     await asyncio.sleep(2)
-    assert started[-1] == 102, "nobody else waits: it may try"
+    assert started[-1] == 102, "no other call waits, so it starts"
 
 
-async def test_abandoned_calls_have_an_unknown_outcome_only_if_they_had_begun():
+async def test_abandoned_calls_have_an_unknown_outcome_only_if_they_began():
     async def forever(request, response):
         await asyncio.sleep(1e6)
 
@@ -220,8 +220,8 @@ def test_every_call_ends_exactly_once_and_no_more_run_than_allowed(actions, seed
         runner.run(play())
 
 
-async def test_one_call_runs_at_a_time_in_any_order_of_ends_cancels_and_arrivals():
-    """A place that was given to a new call is not given to one that waits, too."""
+async def test_one_call_runs_at_a_time_in_each_order_of_ends_cancels_and_arrivals():
+    """The place of one running call is not given to two calls."""
     running, most = {}, []
 
     def work(request, response):
@@ -263,7 +263,7 @@ async def test_one_call_runs_at_a_time_in_any_order_of_ends_cancels_and_arrivals
             await rehearse(order, pauses)
 
 
-async def test_order_is_kept_when_calls_come_while_one_ends():
+async def test_calls_that_arrive_while_one_ends_keep_their_order():
     order = []
     transport, _ = service(lambda request, response: order.append(request.a) or response)
 
@@ -291,8 +291,8 @@ async def test_an_async_callback_in_a_thread_runs_to_its_end(count):
     assert [call.ends[0].sum for call in calls] == [0, 1, 2, 3]
 
 
-async def test_one_future_may_be_the_answer_to_several_calls():
-    """Each call that a callback answers with a future ends when that future does."""
+async def test_callbacks_of_several_calls_may_return_the_same_future():
+    """If a callback returns a future, its call ends with that future."""
     loop = asyncio.get_running_loop()
     shared = loop.create_future()
     transport, made = service(lambda request, response: shared, concurrency=3)
@@ -311,7 +311,7 @@ async def test_one_future_may_be_the_answer_to_several_calls():
 
 
 @pytest.mark.parametrize("is_done", [False, True])
-async def test_a_future_that_fails_is_a_callback_that_raises(is_done):
+async def test_failed_future_of_a_callback_is_the_error_of_its_call(is_done):
     loop = asyncio.get_running_loop()
     failing = loop.create_future()
     fail = partial(failing.set_exception, taskrpc.HandlerError(taskrpc.Code.ABORTED, "too heavy"))
@@ -329,7 +329,7 @@ async def test_a_future_that_fails_is_a_callback_that_raises(is_done):
     assert (end.code, end.message) == (taskrpc.Code.ABORTED, "too heavy")
 
 
-async def test_a_call_that_is_given_up_cancels_its_future_and_leaves_its_place():
+async def test_cancelled_call_cancels_its_future_and_frees_its_place():
     loop = asyncio.get_running_loop()
     futures = [loop.create_future() for _ in range(2)]
     transport, made = service(lambda request, response: futures[request.a])
@@ -347,8 +347,8 @@ async def test_a_call_that_is_given_up_cancels_its_future_and_leaves_its_place()
 
 
 @pytest.mark.parametrize("later", [False, True])
-async def test_callback_may_deny_its_caller_and_does_not_pass_on_a_denial_of_another_service(later):
-    """What its own call was denied says nothing about its caller, and it may have done much."""
+async def test_denial_by_a_callback_is_sent_but_a_denial_by_another_service_is_not(later):
+    """The callback's own call was denied, not its caller's, and the callback may have acted."""
     errors = [Denied("not yours"), taskrpc.PermissionDenied("the lab's, to the callback")]
 
     async def callback(request, response):
@@ -376,8 +376,8 @@ class Unfinished(taskrpc.HandlerError):
 
 
 @pytest.mark.parametrize("later", [False, True])
-async def test_a_handler_error_without_a_code_is_answered_and_frees_its_place(later, caplog):
-    """The log says what a subclass that does not call HandlerError's `__init__` lacks."""
+async def test_handler_error_without_a_code_is_reported_and_frees_its_place(later, caplog):
+    """The log names the attribute that is missing without HandlerError's `__init__`."""
 
     async def callback(request, response):
         if later:
@@ -410,8 +410,8 @@ async def end_later(request, response):
 
 
 @pytest.mark.parametrize("callback", [end_plain, end_at_once, end_later])
-def test_a_callback_that_ends_the_program_answers_its_caller_first(callback):
-    """Otherwise the caller waits until its deadline for a program that is gone."""
+def test_call_gets_an_error_before_its_callback_ends_the_program(callback):
+    """Otherwise the caller waits until its deadline for a program that has ended."""
     transport, calls = FakeTransport(), []
 
     async def serve():
@@ -427,7 +427,7 @@ def test_a_callback_that_ends_the_program_answers_its_caller_first(callback):
 
 @pytest.mark.real_time
 @pytest.mark.parametrize("callback", [end_plain, end_at_once, end_later])
-def test_a_callback_that_ends_a_program_which_spins_ends_it_without_waiting(callback):
+def test_callback_can_end_a_spinning_program_without_a_wait(callback):
     """A call that raised is over: draining does not wait for it, whatever the event loop."""
     seconds = []
 
@@ -451,7 +451,7 @@ def test_a_callback_that_ends_a_program_which_spins_ends_it_without_waiting(call
 
 
 @pytest.mark.parametrize("timeout", [float("nan"), float("inf"), "5"])
-async def test_a_timeout_that_is_no_span_of_time_is_refused(timeout):
+async def test_invalid_timeout_is_refused(timeout):
     async with taskrpc.Node("caller", transport="memory") as node:
         client = node.create_client(Add, "add")
         with pytest.raises(ValueError, match="timeout: expected seconds, or None"):
@@ -460,8 +460,8 @@ async def test_a_timeout_that_is_no_span_of_time_is_refused(timeout):
 
 @pytest.mark.parametrize("once", [False, True])
 @pytest.mark.parametrize("kind", ["plain", "async", "threaded"])
-async def test_calls_leave_no_work_to_the_garbage_collector(kind, once):
-    """A server that makes cycles halts for them, the longer the more it has to remember."""
+async def test_calls_leave_no_reference_cycles(kind, once):
+    """To collect reference cycles, a server would pause: longer if it has more objects."""
 
     def add(request, response):
         return response
@@ -490,7 +490,7 @@ async def test_calls_leave_no_work_to_the_garbage_collector(kind, once):
         await garbage()
         gc.disable()
         try:
-            # The least of three: threads that earlier tests have left make garbage, too.
+            # The minimum of three: threads of earlier tests may leave garbage too.
             assert min([await garbage() for _ in range(3)]) < 100
         finally:
             gc.enable()
@@ -511,7 +511,7 @@ async def begun_and_waiting(count, **options):
     return transport, made, gate, calls
 
 
-async def test_calls_without_room_for_their_answers_come_again_and_others_run():
+async def test_calls_without_room_for_their_responses_are_postponed_and_others_run():
     transport, _, gate, calls = await begun_and_waiting(0)
     mine, more, room = FakeCall(1), FakeCall(2), FakeCall(3)
     other = FakeCall(4)
@@ -537,7 +537,7 @@ async def test_runaway_caller_loses_its_newest_call_when_the_queue_is_full():
     assert str(error) == f"/x has {QUEUE_LIMIT} calls waiting"
     assert error.retry_after == 0.1
     assert made.status().waiting == QUEUE_LIMIT
-    refused.cancel()  # it waits no more: that changes nothing
+    refused.cancel()  # it does not wait any more, so this has no effect
     assert made.status().waiting == QUEUE_LIMIT
     one_more = FakeCall(-2)
     transport.serve(one_more)
@@ -548,8 +548,8 @@ async def test_runaway_caller_loses_its_newest_call_when_the_queue_is_full():
     assert sum(bool(call.ends) for call in calls) == len(calls)
 
 
-async def test_call_that_was_refused_for_too_little_time_may_come_again_soon():
-    """16 calls took a second each, so a call with less than 1.255 s left is in vain."""
+async def test_call_refused_for_too_little_time_gets_a_retry_after():
+    """16 calls took a second each, so a call with less than 1.255 s left is not started."""
     loop = asyncio.get_running_loop()
 
     async def work(request, response):
@@ -593,7 +593,7 @@ async def test_log_shows_the_error_or_result_of_a_callback(caplog):
 
 
 class Refusing(Fake, eq=False):
-    """A call that takes nothing but a response, as a connection's does."""
+    """A call that accepts only a response, like the call of a connection."""
 
     def reply(self, response):
         if not isinstance(response, Add.Response):

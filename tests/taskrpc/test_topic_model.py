@@ -1,4 +1,4 @@
-"""Whatever comes and goes: a subscription gets all that matches once, in order, or counts it."""
+"""A subscription gets each matching message once and in order, or counts it as lost."""
 
 import asyncio
 import dataclasses
@@ -17,7 +17,7 @@ TYPES = [srvgen.load("std_msgs/msg/String"), srvgen.load("std_msgs/msg/Char")]
 TEXT = TYPES[0]
 PROGRAMS = 3
 SETTLED = 10.0
-"""Seconds after which everything is found, dialled again, read."""
+"""Seconds after which all connections are made and all messages are read."""
 
 qualities = st.builds(
     QoS,
@@ -36,7 +36,7 @@ class Talker:
     sent: int = 0
 
     def matches(self, listener):
-        """ROS 2's rules, written down once more."""
+        """The rules of ROS 2, implemented a second time."""
         mine, asked = self.inner.qos, listener.inner.qos
         return (
             self.topic == listener.topic
@@ -54,7 +54,7 @@ class Listener:
     got: dict[int, list[int]] = dataclasses.field(default_factory=dict)
     """By talker."""
     since: dict[int, int] = dataclasses.field(default_factory=dict)
-    """What each talker had sent when the two met."""
+    """How many messages each talker had sent when it was matched."""
 
     def hear(self, message):
         talker, number = map(int, message.data.split()[:2])
@@ -118,16 +118,16 @@ class Topics(RuleBasedStateMachine):
         before = {each.number: each for each in self.talkers}
         self.settle()
         for talker in before.values():
-            self.got_what_was_kept(talker, listener)
+            self.check_latched_messages(talker, listener)
 
-    def got_what_was_kept(self, talker, listener):
+    def check_latched_messages(self, talker, listener):
         mine, asked = talker.inner.qos, listener.inner.qos
         kept = min(mine.depth, asked.depth, talker.sent)
         if not (talker.matches(listener) and mine.is_latched and asked.is_latched):
             kept = 0
         got = listener.got.get(talker.number, [])
         expected = list(range(talker.sent - kept, talker.sent))
-        if listener.inner.dropped:  # of its own process, several may have come at once
+        if listener.inner.dropped:  # in one process, several may arrive at once
             assert got == expected[len(expected) - len(got) :]
         else:
             assert got == expected
@@ -144,7 +144,7 @@ class Topics(RuleBasedStateMachine):
                 newest = list(range(talker.sent - count, talker.sent))
                 assert listener.got[talker.number][-count:] == newest
 
-    def everybody_has_the_newest(self):
+    def check_newest_messages(self):
         for talker in self.talkers:
             for listener in self.listeners:
                 if talker.matches(listener):
@@ -166,7 +166,7 @@ class Topics(RuleBasedStateMachine):
 
     @rule(program=st.integers(0, 2), count=st.integers(15, 30))
     def stop_reading(self, program, count):
-        """A program reads nothing while everybody publishes; then it reads on."""
+        """A program does not read while all others publish; then it reads again."""
         ends = [each.transport for each in self.links(program)]
         for transport in ends:
             transport.pause_reading()
@@ -177,11 +177,11 @@ class Topics(RuleBasedStateMachine):
         for transport in ends:
             transport.resume_reading()
         self.settle()
-        self.everybody_has_the_newest()
+        self.check_newest_messages()
 
     @rule(program=st.integers(0, 2), count=st.integers(0, 4))
     def cut(self, program, count):
-        """A program's connections break, and something is said before they are back."""
+        """A program's connections are lost, and messages are published before it reconnects."""
         for connection in self.links(program):
             connection.transport.abort()
         for talker in self.talkers:
@@ -191,7 +191,7 @@ class Topics(RuleBasedStateMachine):
         for talker in self.talkers:
             self.say(talker)
         self.settle()
-        self.everybody_has_the_newest()
+        self.check_newest_messages()
 
     @precondition(lambda self: self.talkers)
     @rule(which=st.integers(0, 99))
@@ -208,7 +208,7 @@ class Topics(RuleBasedStateMachine):
         self.settle()
 
     @invariant()
-    def everybody_knows_whom_he_matches(self):
+    def matches_are_counted_at_both_ends(self):
         if not hasattr(self, "runner"):
             return
         for talker in self.talkers:
@@ -219,14 +219,14 @@ class Topics(RuleBasedStateMachine):
             assert listener.inner.get_publisher_count() == count
 
     @invariant()
-    def nothing_comes_twice_or_out_of_order(self):
+    def messages_arrive_once_and_in_order(self):
         for listener in getattr(self, "listeners", ()):
             for numbers in listener.got.values():
                 assert numbers == sorted(set(numbers))
 
     @invariant()
-    def what_did_not_come_is_counted(self):
-        """Of a subscription with one publisher, from the first message that came."""
+    def lost_messages_are_counted(self):
+        """For a subscription with one publisher, from its first message."""
         for listener in getattr(self, "listeners", ()):
             heard = {number: got for number, got in listener.got.items() if got}
             alone = [each for each in self.talkers if each.matches(listener)]
@@ -236,7 +236,7 @@ class Topics(RuleBasedStateMachine):
                 assert len(got) + lost >= got[-1] - got[0] + 1
 
     @invariant()
-    def nobody_is_owed_anything(self):
+    def no_memory_is_owed(self):
         for node in getattr(self, "nodes", ()):
             served = () if node._transport is None else node._transport._served
             for connection in served:

@@ -1,4 +1,4 @@
-"""A request of an exactly-once service runs once, however often it is sent and whoever crashes."""
+"""A request of an exactly-once service runs once, also after repetitions and crashes."""
 
 import asyncio
 import contextlib
@@ -36,7 +36,7 @@ Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 
 
 class Store:
-    """Keeps effects and completions; a gate can hold commits up, and a commit can fail."""
+    """Stores effects and completions; tests can delay commits with `gate` or let one fail."""
 
     def __init__(self, store_id=b"S" * 16):
         self.store_id = store_id
@@ -66,7 +66,7 @@ class Store:
 
 
 class Counter:
-    """Adds, and counts how often it ran."""
+    """A callback that adds and counts its executions."""
 
     def __init__(self):
         self.ran = 0
@@ -102,7 +102,7 @@ class Lab:
         )
 
     async def restart(self, store=None):
-        """End the server; another comes, with the same store or with this one."""
+        """End the server and start another, with the same store or this one."""
         await self.server.destroy()
         self.store = store or self.store
         self.server = taskrpc.Node("server", transport="memory", token="another")
@@ -114,7 +114,7 @@ class Lab:
         await self.server.destroy()
 
     def cut(self):
-        """End the connection without a word, as a cable does."""
+        """Abort the connection, as if a cable were cut."""
         connection = self.client._channel._connection
         if connection is not None and isinstance(connection.transport, Pipe):
             connection.transport.abort()
@@ -125,7 +125,7 @@ async def turns(count=20):
         await asyncio.sleep(0)
 
 
-async def test_a_call_is_answered_after_its_effect_and_completion_are_stored_together():
+async def test_response_is_sent_after_effect_and_completion_are_stored_together():
     async with Lab(Store(), Counter()) as lab:
         lab.store.gate = asyncio.Event()
         call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2)))
@@ -138,7 +138,7 @@ async def test_a_call_is_answered_after_its_effect_and_completion_are_stored_tog
         assert len(lab.store.completions) == 1
 
 
-async def test_an_answer_that_was_lost_is_given_again_without_running_twice():
+async def test_lost_response_is_sent_again_without_a_second_execution():
     async with Lab(Store(), Counter()) as lab:
         lab.store.gate = asyncio.Event()
         call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2)))
@@ -150,7 +150,7 @@ async def test_an_answer_that_was_lost_is_given_again_without_running_twice():
         assert lab.store.effects == ["1+2"]
 
 
-async def test_a_repeated_call_attaches_to_the_run_that_its_lost_connection_began():
+async def test_repeated_call_attaches_to_the_execution_that_began_before_the_connection_was_lost():
     async with Lab(Store(), Counter()) as lab:
         lab.counter.gate = asyncio.Event()
         call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2)))
@@ -164,7 +164,7 @@ async def test_a_repeated_call_attaches_to_the_run_that_its_lost_connection_bega
         assert lab.store.effects == ["1+2"]
 
 
-async def test_next_server_of_a_store_returns_the_stored_answers():
+async def test_next_server_of_a_store_returns_the_stored_responses():
     store, counter = Store(), Counter()
     async with Lab(store, counter) as lab:
         store.gate = asyncio.Event()
@@ -190,7 +190,7 @@ async def test_server_of_another_store_does_not_run_a_request_that_may_have_run(
         assert lab.store.effects == []
 
 
-async def test_call_that_was_never_sent_goes_to_the_store_that_is_there():
+async def test_unsent_call_goes_to_the_new_store():
     async with Lab(Store(), Counter()) as lab:
         await lab.client.call(Add.Request(a=1, b=2))
         await lab.restart(Store(b"T" * 16))
@@ -199,12 +199,12 @@ async def test_call_that_was_never_sent_goes_to_the_store_that_is_there():
         assert lab.store.effects == ["3+4"]
 
 
-async def test_a_call_that_crosses_a_withdrawal_goes_to_the_next_server():
+async def test_call_that_crosses_a_withdrawal_goes_to_the_next_server():
     async with Lab(Store(), Counter()) as lab:
         async with taskrpc.Node("next", transport="memory", token="next") as following:
             lab.service.destroy()
             lab.offer(following)
-            assert lab.client._channel.ready, "it knows nothing of this yet"
+            assert lab.client._channel.ready, "the client has not been notified yet"
             assert (await lab.client.call(Add.Request(a=1, b=2), timeout=5)).sum == 3
         assert lab.store.effects == ["1+2"]
 
@@ -212,7 +212,7 @@ async def test_a_call_that_crosses_a_withdrawal_goes_to_the_next_server():
 async def test_forgotten_client_begins_with_new_sequence_numbers():
     async with Lab(Store(), Counter()) as lab:
         await lab.client.call(Add.Request(a=1, b=2))
-        await lab.restart(Store())  # the same name, and nothing known
+        await lab.restart(Store())  # a store with the same id, and empty
         assert await lab.client.wait_for_service(timeout=60)
         assert (await lab.client.call(Add.Request(a=3, b=4))).sum == 7
 
@@ -234,7 +234,7 @@ async def test_a_request_id_names_one_request_for_every_program():
         assert lab.counter.ran == 2
 
 
-async def test_a_request_id_means_nothing_to_other_services():
+async def test_request_id_is_refused_for_a_service_that_is_not_exactly_once():
     async with (
         taskrpc.Node("server", transport="memory", token="s") as server,
         taskrpc.Node("client", transport="memory", token="c") as node,
@@ -246,7 +246,7 @@ async def test_a_request_id_means_nothing_to_other_services():
             await client.call(Add.Request(), request_id="x")
 
 
-async def test_a_service_that_does_not_count_takes_no_numbers():
+async def test_service_that_is_not_exactly_once_refuses_numbered_requests():
     ran = []
     async with (
         taskrpc.Node("server", transport="memory", token="s") as server,
@@ -261,7 +261,7 @@ async def test_a_service_that_does_not_count_takes_no_numbers():
         assert ran == []
 
 
-async def test_a_handlers_own_error_is_an_answer_and_is_given_again():
+async def test_error_of_a_handler_is_stored_and_returned_again():
     ran = []
 
     def refuse(request, response):
@@ -277,7 +277,7 @@ async def test_a_handlers_own_error_is_an_answer_and_is_given_again():
 
 
 @pytest.mark.parametrize(("code", "said"), [(Code.NOT_FOUND, "no \udcff"), (Code.OK, "well")])
-async def test_an_odd_error_is_an_answer_too(code, said):
+async def test_unusual_error_of_a_handler_is_stored_too(code, said):
     ran = []
 
     async def refuse(request, response):
@@ -292,7 +292,7 @@ async def test_an_odd_error_is_an_answer_too(code, said):
         assert ran == [1]
 
 
-async def test_what_a_callback_refuses_without_having_done_anything_may_run_later():
+async def test_request_with_nothing_done_may_run_later():
     ran = []
 
     def later(request, response):
@@ -308,7 +308,7 @@ async def test_what_a_callback_refuses_without_having_done_anything_may_run_late
         assert lab.store.commits == 1
 
 
-async def test_a_handler_that_is_unavailable_is_asked_again():
+async def test_call_of_an_unavailable_handler_is_repeated():
     ran = []
 
     def later(request, response):
@@ -324,7 +324,7 @@ async def test_a_handler_that_is_unavailable_is_asked_again():
         assert len(ran) == 3
 
 
-async def test_what_the_store_refuses_has_not_run_and_may_run_later():
+async def test_request_that_the_store_refuses_may_run_later():
     async with Lab(Store(), Counter()) as lab:
         lab.store.fail_with = TaskRpcError("the disk is full")
         with pytest.raises(HandlerFailed, match="the disk is full") as caught:
@@ -347,7 +347,7 @@ async def test_the_caller_never_sees_sql(caplog):
     assert "no such table: secrets" in caplog.text
 
 
-async def test_a_store_that_cannot_tell_is_read_anew_before_anything_is_decided():
+async def test_store_with_an_unknown_outcome_is_read_again_before_the_next_decision():
     async with Lab(Store(), Counter()) as lab:
         complete = lab.store.complete
 
@@ -363,7 +363,7 @@ async def test_a_store_that_cannot_tell_is_read_anew_before_anything_is_decided(
 
 
 @pytest.mark.parametrize("error", [OSError("gone"), asyncio.CancelledError(), ValueError("?")])
-async def test_what_a_store_raises_without_a_word_of_its_own_is_no_promise(error):
+async def test_any_other_error_of_a_store_leaves_the_outcome_unknown(error):
     async with Lab(Store(), Counter()) as lab:
         complete = lab.store.complete
 
@@ -378,7 +378,7 @@ async def test_what_a_store_raises_without_a_word_of_its_own_is_no_promise(error
         assert lab.store.effects == ["1+2"]
 
 
-async def test_a_callback_that_fails_once_it_has_stored_its_effect_is_not_run_again():
+async def test_callback_that_fails_after_storing_its_effect_is_not_executed_again():
     store, ran = Store(), []
 
     async def stores(request, response):
@@ -393,7 +393,7 @@ async def test_a_callback_that_fails_once_it_has_stored_its_effect_is_not_run_ag
 
 
 @pytest.mark.parametrize("threaded", [False, True])
-async def test_a_service_that_is_given_up_does_not_say_that_its_running_calls_never_ran(threaded):
+async def test_running_calls_of_an_abandoned_service_have_an_unknown_outcome(threaded):
     over = threading.Event()
 
     async def waits(request, response):
@@ -412,7 +412,7 @@ async def test_a_service_that_is_given_up_does_not_say_that_its_running_calls_ne
             over.set()
 
 
-async def test_what_is_stored_while_the_store_is_read_anew_is_not_forgotten():
+async def test_completion_that_is_stored_while_the_store_is_read_is_kept():
     async with Lab(Store(), Counter()) as lab:
         store, counter = lab.store, lab.counter
         complete, recall, read = store.complete, store.recall, asyncio.Event()
@@ -439,7 +439,7 @@ async def test_what_is_stored_while_the_store_is_read_anew_is_not_forgotten():
         assert store.effects == ["1+0", "2+0", "0+0"]
 
 
-async def test_cancelling_the_only_caller_cancels_the_run_and_it_may_be_sent_again():
+async def test_cancel_by_the_only_caller_cancels_the_execution_and_a_repetition_runs():
     async with Lab(Store(), Counter()) as lab:
         lab.counter.gate = asyncio.Event()
         call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2), request_id="x"))
@@ -452,7 +452,7 @@ async def test_cancelling_the_only_caller_cancels_the_run_and_it_may_be_sent_aga
         assert lab.store.effects == ["1+2"]
 
 
-async def test_cancel_of_one_of_two_callers_leaves_the_answer_to_the_other():
+async def test_cancel_by_one_of_two_callers_does_not_affect_the_other():
     async with Lab(Store(), Counter()) as lab:
         lab.counter.gate = asyncio.Event()
         request = Add.Request(a=1, b=2)
@@ -465,13 +465,13 @@ async def test_cancel_of_one_of_two_callers_leaves_the_answer_to_the_other():
         assert lab.counter.ran == 1
 
 
-async def test_a_cancel_that_comes_twice_harms_no_other_sending():
+async def test_repeated_cancel_does_not_affect_another_attempt():
     async with Lab(Store(), Counter()) as lab:
         lab.counter.gate = asyncio.Event()
         channel, number = lab.client._channel, RequestId(b"c" * 16, 1, 1)
         connection = channel._connection
-        given_up = channel.send(Add.Request(a=1, b=2), None, number)
-        cancel = pack_frame(FrameType.CANCEL, 0, 0, given_up.call_id, 0, b"")
+        cancelled = channel.send(Add.Request(a=1, b=2), None, number)
+        cancel = pack_frame(FrameType.CANCEL, 0, 0, cancelled.call_id, 0, b"")
         connection.session.out += [cancel, cancel]
         call = channel.send(Add.Request(a=1, b=2), None, number)
         connection.flush()
@@ -480,10 +480,10 @@ async def test_a_cancel_that_comes_twice_harms_no_other_sending():
         assert (await asyncio.wait_for(call.future, 60)).sum == 3
         assert lab.store.effects == ["1+2"]
         with pytest.raises(TaskRpcError, match="cancelled"):
-            await given_up.future
+            await cancelled.future
 
 
-async def test_a_cancel_that_comes_when_the_commit_has_begun_undoes_nothing():
+async def test_cancel_during_the_commit_has_no_effect():
     async with Lab(Store(), Counter()) as lab:
         lab.store.gate = asyncio.Event()
         call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2), request_id="x"))
@@ -510,7 +510,7 @@ async def test_lost_caller_that_does_not_return_leaves_no_execution_behind():
         assert lab.store.effects == []
 
 
-async def test_a_deadline_leaves_it_open_whether_the_call_has_run():
+async def test_outcome_of_an_expired_call_is_unknown():
     async with Lab(Store(), Counter()) as lab:
         lab.store.gate = asyncio.Event()
         with pytest.raises(DeadlineExceeded) as caught:
@@ -522,8 +522,8 @@ async def test_a_deadline_leaves_it_open_whether_the_call_has_run():
 
 
 @pytest.mark.parametrize("others", [0, 1])
-async def test_the_server_too_leaves_it_open_whether_a_call_has_run(others, monkeypatch):
-    monkeypatch.setattr(OpenCall, "expired", lambda _: None)  # a client whose loop is late
+async def test_server_reports_an_unknown_outcome_for_an_expired_repetition(others, monkeypatch):
+    monkeypatch.setattr(OpenCall, "expired", lambda _: None)  # as if the client's loop were late
     async with Lab(Store(), Counter(), concurrency=1) as lab:
         lab.counter.gate = asyncio.Event()
         calls = [lab.client.call_async(Add.Request(a=1, b=n), request_id=f"{n}") for n in range(2)]
@@ -539,7 +539,7 @@ async def test_the_server_too_leaves_it_open_whether_a_call_has_run(others, monk
         await asyncio.gather(*calls)
 
 
-async def test_caller_whose_call_expires_in_the_queue_learns_that_it_did_not_run(monkeypatch):
+async def test_call_that_expires_in_the_queue_is_reported_as_not_executed(monkeypatch):
     monkeypatch.setattr(OpenCall, "expired", lambda _: None)
     async with Lab(Store(), Counter(), concurrency=1) as lab:
         lab.counter.gate = asyncio.Event()
@@ -580,7 +580,7 @@ async def test_calls_wait_for_a_store_that_is_being_opened():
         assert (await call).sum == 3
 
 
-async def test_a_store_that_cannot_be_opened_is_named():
+async def test_error_names_a_store_that_cannot_be_opened():
     class Broken(Store):
         async def recall(self):
             raise TaskRpcError("tasks.db is damaged")
@@ -607,7 +607,7 @@ async def test_a_store_that_could_not_be_read_is_read_again():
         assert lab.store.effects == ["1+2"]
 
 
-async def test_a_store_that_could_not_be_read_at_first_serves_once_it_can():
+async def test_store_that_could_not_be_read_at_first_is_used_when_it_can_be_read():
     store, broken = Store(), [True]
     recall = store.recall
 
@@ -629,7 +629,7 @@ async def test_a_store_that_could_not_be_read_at_first_serves_once_it_can():
         assert (await client.call(Add.Request(a=1), timeout=5)).sum == 1
 
 
-async def test_a_store_that_was_mended_can_be_offered_again():
+async def test_repaired_store_can_be_offered_again():
     store, broken = Store(), [True]
     recall = store.recall
 
@@ -682,7 +682,7 @@ async def test_a_store_serves_one_event_loop_at_a_time():
         await asyncio.to_thread(asyncio.run, elsewhere())
 
 
-async def test_two_services_of_one_store_share_its_numbers():
+async def test_two_services_of_one_store_share_its_sequence_numbers():
     async with Lab(Store(), Counter()) as lab:
         lab.server.create_service(Add, "double", lab.counter, exactly_once=lab.store)
         client = lab.node.create_client(Add, "double")
@@ -692,12 +692,12 @@ async def test_two_services_of_one_store_share_its_numbers():
         assert {key[1] for key in lab.store.completions} == {3}
 
 
-async def test_a_service_that_is_ended_twice_does_not_give_up_the_store_for_another(caplog):
+async def test_service_that_is_destroyed_twice_does_not_release_the_store_of_another(caplog):
     store = Store()
     async with Lab(store, Counter()) as lab:
         async with taskrpc.Node("second", transport="memory", token="2") as second:
             double = second.create_service(Add, "double", lab.counter, exactly_once=store)
-            double.destroy()  # and at once its node is
+            double.destroy()  # and its node follows at once
         assert state_of(store) is lab.service._deduplicator._state
         await lab.client.call(Add.Request(a=1))
     await turns()
@@ -705,7 +705,7 @@ async def test_a_service_that_is_ended_twice_does_not_give_up_the_store_for_anot
 
 
 @pytest.mark.parametrize("kind", ["plain", "async", "threaded"])
-async def test_with_one_call_at_a_time_each_call_sees_the_effect_of_the_one_before(tmp_path, kind):
+async def test_with_concurrency_one_each_call_sees_the_effect_of_the_previous_one(tmp_path, kind):
     path = tmp_path / "shop.db"
     store = taskrpc.SqliteCompletions(path, ["CREATE TABLE IF NOT EXISTS sold (seat INTEGER)"])
 
@@ -771,7 +771,7 @@ class Clock:
         return self.seconds - asyncio.get_running_loop().time()
 
 
-async def test_a_client_whose_lease_has_ended_is_forgotten_by_the_store_too():
+async def test_store_also_forgets_a_client_whose_lease_has_ended():
     forgotten = []
 
     class Leased(Store):
@@ -788,7 +788,7 @@ async def test_a_client_whose_lease_has_ended_is_forgotten_by_the_store_too():
 
 
 @pytest.mark.parametrize("leap", [1e6, -1e6])
-async def test_a_clock_that_was_set_between_two_servers_ends_no_lease(leap):
+async def test_clock_change_between_two_servers_ends_no_lease(leap):
     async with Lab(Store(), Counter()) as lab:
         await lab.client.call(Add.Request(a=1), request_id="monday")
         known = lab.store.completions.items()
@@ -800,7 +800,7 @@ async def test_a_clock_that_was_set_between_two_servers_ends_no_lease(leap):
         assert lab.counter.ran == 2
 
 
-async def test_a_time_of_day_that_leaps_makes_nothing_run_twice(monkeypatch):
+async def test_no_request_runs_twice_when_the_time_of_day_jumps(monkeypatch):
     async with Lab(Store(), Counter()) as lab:
         await lab.client.call(Add.Request(a=1), request_id="1")
         begin = time.time()
@@ -850,7 +850,7 @@ async def test_clock_that_is_set_back_does_not_let_a_request_be_repeated_for_lon
             await asyncio.wait_for(call, 60)
 
 
-async def test_a_store_whose_memory_is_full_takes_requests_again_when_leases_end():
+async def test_full_ledger_accepts_requests_again_when_leases_end():
     async with Lab(Store(), Counter()) as lab:
         lab.service._deduplicator._state.ledger = Ledger(memory=3000)
         clock = Clock(lab)
@@ -877,7 +877,7 @@ async def test_store_that_cannot_forget_still_answers_callers():
         assert (await lab.client.call(Add.Request(a=2), timeout=1, request_id="new")).sum == 2
 
 
-async def test_a_store_that_cannot_tell_whether_it_forgot_is_read_anew():
+async def test_store_is_read_again_when_it_may_have_forgotten_a_client():
     class Torn(Store):
         torn = False
 
@@ -902,7 +902,7 @@ async def test_a_store_that_cannot_tell_whether_it_forgot_is_read_anew():
         assert (await lab.client.call(Add.Request(a=2), timeout=5, request_id="new")).sum == 2
 
 
-async def test_counted_calls_wait_for_their_turn():
+async def test_exactly_once_calls_wait_in_the_queue():
     async with Lab(Store(), Counter(), concurrency=1) as lab:
         lab.counter.gate = asyncio.Event()
         calls = [

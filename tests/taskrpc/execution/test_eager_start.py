@@ -1,4 +1,4 @@
-"""A coroutine cannot tell that it was stepped: its current task, timeouts and cancels are real."""
+"""An eagerly started coroutine has the same task, timeouts and cancellation as any other."""
 
 import asyncio
 import contextvars
@@ -17,7 +17,7 @@ def held():
 
 @pytest.fixture
 async def starter(held):
-    """A starter that is used as a callback of the loop uses it: inside no task."""
+    """A starter; the tests call it outside a task, like a callback of the event loop."""
     made = EagerStarter(asyncio.get_running_loop(), held.append)
     yield made
     made.close()
@@ -76,8 +76,8 @@ async def test_coroutine_that_yields_without_a_future_continues(starter):
     assert await task == 7
 
 
-async def test_several_may_wait_for_one_future_from_their_first_step_on(starter):
-    """A callback may await what another, begun in the same turn of the loop, awaits as well."""
+async def test_several_coroutines_may_await_one_future_in_their_first_step(starter):
+    """Callbacks that begin in the same iteration of the loop may await the same future."""
     shared = asyncio.get_running_loop().create_future()
 
     async def wait():
@@ -111,7 +111,7 @@ async def test_outside_a_step_no_task_is_current(starter):
 
 
 @pytest.mark.parametrize("delay", [0, 0.5])
-async def test_a_timeout_begun_in_the_first_step_ends_the_wait(starter, delay):
+async def test_timeout_that_begins_in_the_first_step_ends_the_wait(starter, delay):
     async def patient():
         try:
             async with asyncio.timeout(delay):
@@ -150,7 +150,7 @@ async def test_a_task_group_begun_in_the_first_step_works(starter):
     assert await task == [1, 2]
 
 
-async def test_a_group_whose_member_fails_cancels_the_stepped_parent(starter):
+async def test_group_whose_member_fails_cancels_the_started_parent(starter):
     async def fail():
         raise ValueError("no")
 
@@ -165,7 +165,7 @@ async def test_a_group_whose_member_fails_cancels_the_stepped_parent(starter):
 
 
 @pytest.mark.parametrize("turns", [0, 1, 3])
-async def test_a_cancel_reaches_the_coroutine_whenever_it_comes(starter, turns):
+async def test_cancellation_at_any_time_reaches_the_coroutine(starter, turns):
     cleaned = []
 
     async def slow():
@@ -195,7 +195,7 @@ async def test_a_cancel_reaches_the_coroutine_whenever_it_comes(starter, turns):
     assert cleaned == [True]
 
 
-async def test_a_cancel_may_be_survived(starter):
+async def test_coroutine_may_suppress_its_cancellation(starter):
     async def stubborn():
         try:
             await asyncio.sleep(10)
@@ -245,7 +245,7 @@ async def test_a_coroutine_that_cancels_itself_and_returns_cancels_no_other(star
 
 @pytest.mark.skipif(not hasattr(asyncio, "eager_task_factory"), reason="new in Python 3.12")
 async def test_cancel_taken_back_among_eager_tasks_cancels_no_other(starter):
-    """Before Python 3.13.2, a group does so whose eager task fails at once; later it suspends."""
+    """Before Python 3.13.2, a task group does this if its eager task fails at once."""
     asyncio.get_running_loop().set_task_factory(asyncio.eager_task_factory)
 
     async def cancelled_and_uncancelled():
@@ -280,7 +280,7 @@ async def test_cancel_taken_back_in_the_first_step_cancels_no_other(starter, has
         await asyncio.sleep(1)
         return 7
 
-    if has_begun:  # the spare task waits for its coroutine; otherwise its first step is to come
+    if has_begun:  # the spare task waits for a coroutine; otherwise it has not begun
         await start(starter, quick())
         await asyncio.sleep(0)
     loop = asyncio.get_running_loop()
@@ -301,7 +301,7 @@ async def test_cancel_taken_back_in_the_first_step_cancels_no_other(starter, has
     assert await asyncio.wait_for(await made, 2) == 7
 
 
-async def test_errors_come_out_where_they_belong(starter):
+async def test_errors_are_raised_by_the_start_or_the_task(starter):
     async def bad():
         raise KeyError("now")
 
@@ -341,7 +341,7 @@ async def test_changed_context_variable_is_not_visible_to_the_next_coroutine(sta
     assert variable.get() == "base"
 
 
-async def test_a_variable_lives_on_over_a_suspension(starter):
+async def test_context_variable_keeps_its_value_after_a_suspension(starter):
     async def setting():
         variable.set("mine")
         await asyncio.sleep(0)
@@ -361,7 +361,7 @@ async def test_prepared_context_is_visible_to_the_coroutine(starter):
     assert await task == ("prepared", "prepared")
 
 
-async def test_inside_a_task_of_the_program_a_task_is_made(starter):
+async def test_start_inside_a_task_creates_a_task(starter):
     async def look():
         return asyncio.current_task(), variable.get()
 
@@ -369,7 +369,7 @@ async def test_inside_a_task_of_the_program_a_task_is_made(starter):
     assert await task == (task, "prepared")
 
 
-async def test_each_later_step_tells_how_long_it_held_the_loop(starter, held):
+async def test_each_later_step_reports_how_long_it_held_the_loop(starter, held):
     async def two_waits():
         await asyncio.sleep(1)
         await asyncio.sleep(1)

@@ -1,4 +1,4 @@
-"""Whatever is repeated, lost or restarted: no request runs twice or gets the answer of another."""
+"""No request runs twice or gets the response of another, after repetitions, losses and restarts."""
 
 import pytest
 from hypothesis import given, settings
@@ -19,12 +19,12 @@ cut_off = id_splitter("/add")
 
 
 def claim(number, message=b"one"):
-    """What arrives of a request."""
+    """The received id of a request."""
     return cut_off(with_request_id(number, message))[0]
 
 
 def send(ledger, number, message=b"one", *, principal="", now=0.0):
-    """What the ledger says of a request."""
+    """The ledger's verdict on a request."""
     return ledger.decide(principal, claim(number, message), now)
 
 
@@ -36,7 +36,7 @@ def completion(number, *, at=0.0, answer=b"", message=b"one"):
     )
 
 
-def test_a_repeated_request_attaches_while_the_first_runs_and_gets_its_answer_afterwards():
+def test_repeated_request_attaches_to_a_running_one_or_gets_its_stored_response():
     ledger, number = Ledger(), RequestId(ME, 1, 1)
     assert send(ledger, number) is Verdict.NEW
     assert send(ledger, number) is Verdict.ATTACH
@@ -46,7 +46,7 @@ def test_a_repeated_request_attaches_while_the_first_runs_and_gets_its_answer_af
     assert ledger.completion("", claim(number)) == done
 
 
-def test_another_request_under_a_used_number_is_refused_while_it_runs_and_afterwards():
+def test_used_number_is_refused_for_another_request():
     ledger, number = Ledger(), RequestId(ME, 1, 1)
     send(ledger, number)
     assert send(ledger, number, b"two") is Verdict.REUSED
@@ -89,7 +89,7 @@ def test_request_settled_by_an_entered_one_never_runs_again():
     assert send(ledger, RequestId(ME, 4, 4)) is Verdict.STALE
 
 
-def test_a_client_whose_only_requests_were_refused_takes_no_place():
+def test_client_with_only_abandoned_requests_is_forgotten():
     ledger = Ledger(memory=2 * (PER_CLIENT + PER_REQUEST))
     for client in (b"a" * 16, b"b" * 16):
         came = claim(RequestId(client, 1, 1))
@@ -114,9 +114,10 @@ def test_execution_without_waiting_callers_leaves_nothing_behind():
     assert send(ledger, RequestId(ME, 3, 2)) is Verdict.FULL
     ledger.completed(completion(number))
     assert send(ledger, RequestId(ME, 3, 2)) is Verdict.NEW
+    assert ledger.size == PER_CLIENT + 2 * PER_REQUEST
 
 
-def test_a_client_may_leap_to_the_last_number_that_there_is():
+def test_client_may_skip_to_the_largest_number():
     ledger, last = Ledger(), 2**64 - 1
     send(ledger, RequestId(ME, 1, 1))
     ledger.completed(completion(RequestId(ME, 1, 1)))
@@ -124,7 +125,7 @@ def test_a_client_may_leap_to_the_last_number_that_there_is():
     assert send(ledger, RequestId(ME, 1, 1)) is Verdict.STALE
 
 
-def test_request_of_an_unknown_client_that_had_answers_is_stale():
+def test_request_of_an_unknown_client_with_settled_numbers_is_stale():
     assert send(Ledger(), RequestId(ME, 2, 2)) is Verdict.STALE
 
 
@@ -135,14 +136,14 @@ def test_restored_ledger_knows_the_settled_requests():
     assert send(ledger, RequestId(ME, 4, 4)) is Verdict.NEW
 
 
-def test_two_principals_never_meet_under_one_client_id():
+def test_same_client_id_of_two_principals_names_two_clients():
     ledger, number = Ledger(), RequestId(ME, 1, 1)
     send(ledger, number, principal="ada")
     assert send(ledger, number, b"two", principal="bob") is Verdict.NEW
     assert send(ledger, number, principal="ada") is Verdict.ATTACH
 
 
-def test_a_lease_lasts_from_the_last_use_also_where_that_came_soon_after_another():
+def test_lease_begins_at_the_last_use_even_soon_after_an_earlier_one():
     ledger = Ledger(lease=10.0)
     for now in (0.0, 0.5):
         ledger.completed(completion(RequestId(ME, 1, 1)))
@@ -151,7 +152,7 @@ def test_a_lease_lasts_from_the_last_use_also_where_that_came_soon_after_another
     assert ledger.expire(10.5) == [("", ME)]
 
 
-def test_client_that_calls_again_outlasts_clients_that_came_later():
+def test_lease_of_an_active_client_outlasts_that_of_a_newer_client():
     ledger = Ledger(lease=1000.0)
     for client, now in ((b"a" * 16, 0.0), (b"b" * 16, 1.0), (b"a" * 16, 500.0)):
         ledger.completed(completion(RequestId(client, 1, 1), at=now))
@@ -160,7 +161,7 @@ def test_client_that_calls_again_outlasts_clients_that_came_later():
     assert ledger.expire(1500.0) == [("", b"a" * 16)]
 
 
-def test_lease_begins_at_the_last_use_and_a_running_request_outlasts_it():
+def test_lease_begins_at_the_last_use_but_a_running_request_keeps_its_client():
     ledger = Ledger(lease=10.0)
     send(ledger, RequestId(b"a" * 16, 1, 1))
     send(ledger, RequestId(b"b" * 16, 1, 1), now=1.0)
@@ -184,7 +185,7 @@ ROOM = 100 * (PER_CLIENT + PER_REQUEST)
 
 
 def fill(ledger, principal, *, answer=b""):
-    """Let an account name requests until it is refused; returns how many were taken."""
+    """Send named requests of an account until one is refused; returns how many were accepted."""
     count = -1
     while True:
         count += 1
@@ -195,20 +196,20 @@ def fill(ledger, principal, *, answer=b""):
         ledger.completed(replace(done, principal=principal))
 
 
-def test_no_account_can_take_the_room_of_another():
+def test_no_account_can_use_all_memory():
     ledger = Ledger(memory=ROOM)
     taken = [fill(ledger, name) for name in ("ana", "ben", "cem", "dora")]
     assert taken == [50, 25, 13, 6]
     first = RequestId(b"     ana00000000", 1, 1)
-    assert send(ledger, first, principal="ana") is Verdict.DONE, "nobody is forgotten for it"
+    assert send(ledger, first, principal="ana") is Verdict.DONE, "no request was forgotten"
     assert ledger.size <= ROOM
 
 
-def test_answers_count_by_their_bytes():
+def test_responses_count_by_their_bytes():
     assert fill(Ledger(memory=ROOM), "ana", answer=bytes(PER_CLIENT + PER_REQUEST)) == 25
 
 
-def test_a_client_that_settles_finds_room_in_a_full_account():
+def test_client_that_settles_a_request_gets_room_in_a_full_account():
     ledger = Ledger(memory=ROOM)
     fill(ledger, "ana", answer=b"long")
     client = b"     ana00000000"
@@ -216,7 +217,7 @@ def test_a_client_that_settles_finds_room_in_a_full_account():
     assert send(ledger, RequestId(client, 2, 2), principal="ana") is Verdict.NEW
 
 
-def test_room_is_free_again_when_leases_end():
+def test_memory_is_free_again_when_leases_end():
     ledger = Ledger(memory=ROOM, lease=10.0)
     before = fill(ledger, "ana")
     ledger.expire(10.0)
@@ -235,8 +236,8 @@ actions = st.lists(
 
 @settings(max_examples=150)
 @given(actions=actions)
-def test_no_request_runs_twice_and_each_gets_its_own_answer(actions):
-    """Against ground truth: what ran, and what it answered. Sends may come late and repeated."""
+def test_no_request_runs_twice_and_each_gets_its_own_response(actions):
+    """Compares with a record of all executions and responses. Requests may be late or repeated."""
     numbers, ledger = RequestCounter(ME), Ledger()
     sent, runs, ran, stored = [], {}, {}, {}
     for what, which in actions:
@@ -272,7 +273,7 @@ def test_no_request_runs_twice_and_each_gets_its_own_answer(actions):
                 continue
             ran[run.sequence] = b"answer %d" % run.sequence
             done = completion(run, answer=ran[run.sequence], message=message)
-            # As a store does: what is settled goes with the transaction that says so.
+            # As a store does: the transaction also deletes the completions that it settles.
             stored = {n: c for n, c in stored.items() if n >= run.first_incomplete}
             stored[run.sequence] = done
             ledger.completed(done)
@@ -295,7 +296,7 @@ steps = st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 2), st.bi
 
 @settings(max_examples=200)
 @given(work=st.lists(steps, max_size=30))
-def test_it_makes_no_difference_whether_the_claim_that_ran_is_at_hand(work):
+def test_completion_has_the_same_effects_with_and_without_the_received_id(work):
     quick, plain = Ledger(open_per_client=4), Ledger(open_per_client=4)
     running, first = [], 1
     for ahead, settled, ended, answer in work:
@@ -311,10 +312,10 @@ def test_it_makes_no_difference_whether_the_claim_that_ran_is_at_hand(work):
             done = completion(number, answer=answer)
             quick.completed(done, came)
             plain.completed(done)
-        assert quick.size == plain.size
+        assert (quick.size, quick._sizes) == (plain.size, plain._sizes)
 
 
-def test_a_run_that_ends_in_the_next_ledger_is_done_there():
+def test_request_that_ends_in_the_next_ledger_is_done_there():
     before, number = Ledger(), RequestId(ME, 1, 1)
     came = claim(number)
     before.decide("", came, 0.0)
@@ -327,7 +328,7 @@ def test_a_run_that_ends_in_the_next_ledger_is_done_there():
     assert after.size == Ledger([done]).size
 
 
-def test_a_run_that_was_stored_before_its_ledger_was_read_is_done_once():
+def test_request_that_was_stored_before_its_ledger_was_read_is_done_once():
     number = RequestId(ME, 1, 1)
     came, done = claim(number), completion(number, answer=b"42")
     Ledger().decide("", came, 0.0)
@@ -338,7 +339,7 @@ def test_a_run_that_was_stored_before_its_ledger_was_read_is_done_once():
     assert after.size == Ledger([done]).size
 
 
-def test_a_restored_lease_lasts_from_the_latest_completion():
+def test_restored_lease_begins_at_the_latest_completion():
     old = [completion(RequestId(ME, 1, 1), at=0.0), completion(RequestId(ME, 2, 1), at=8.0)]
     ledger = Ledger(old, lease=10.0)
     assert ledger.expire(17.9) == []
@@ -360,3 +361,21 @@ def test_a_completion_that_settles_others_frees_their_bytes():
     old = [completion(RequestId(ME, n, 1), answer=b"12345") for n in (1, 2)]
     ledger = Ledger([*old, completion(RequestId(ME, 3, 3), at=1.0)])
     assert ledger.size == PER_CLIENT + PER_REQUEST
+
+
+def test_running_request_that_settles_others_frees_their_bytes():
+    ledger = Ledger([completion(RequestId(ME, 1, 1), answer=b"12345")])
+    ledger.add_running("", claim(RequestId(ME, 2, 2)), 0.0)
+    assert ledger.size == PER_CLIENT + PER_REQUEST
+    assert ledger._sizes == {"": ledger.size}
+
+
+def test_restored_completion_that_is_settled_takes_no_memory():
+    old = [completion(RequestId(ME, 5, 5)), completion(RequestId(ME, 3, 3), at=1.0)]
+    assert Ledger(old).size == PER_CLIENT + PER_REQUEST
+
+
+def test_completion_at_the_first_incomplete_number_is_kept():
+    ledger = Ledger([completion(RequestId(ME, number, 1)) for number in (1, 10)])
+    assert send(ledger, RequestId(ME, 11, 10)) is Verdict.NEW
+    assert send(ledger, RequestId(ME, 10, 10)) is Verdict.DONE

@@ -1,4 +1,4 @@
-"""Blocking programs get the same answers and errors, from any thread, and never hang."""
+"""Blocking programs get the same responses and errors, from any thread, and never hang."""
 
 import os
 import subprocess
@@ -57,7 +57,7 @@ def test_errors_are_those_of_the_async_client(node):
         node.create_client(AddTwoInts, "refuse").call(AddTwoInts.Request(a="x"))
 
 
-def test_a_deadline_ends_the_wait_although_the_callback_goes_on(node):
+def test_deadline_ends_the_wait_while_the_callback_still_runs(node):
     release = threading.Event()
 
     def stuck(request, response):
@@ -84,7 +84,7 @@ def test_a_callback_may_call_another_service(node):
     assert node.create_client(AddTwoInts, "twice").call(AddTwoInts.Request(a=1, b=2)).sum == 6
 
 
-def test_a_blocking_call_on_the_loops_own_thread_is_an_error_and_not_a_deadlock(node):
+def test_blocking_call_on_the_loops_thread_is_refused(node):
     node.create_service(AddTwoInts, "add", add)
     inner = node.create_client(AddTwoInts, "add")
     seen = []
@@ -142,8 +142,8 @@ def test_ctrl_c_reaches_a_program_that_waits(tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
 
 
-def test_a_call_at_the_very_end_of_a_program_is_refused_and_does_not_hang_it(tmp_path):
-    """What atexit calls after the loop has stopped learns that nobody would answer."""
+def test_call_after_the_event_loop_has_stopped_is_refused(tmp_path):
+    """A function of atexit runs after the loop has stopped: its calls get an error."""
     program = tmp_path / "ends.py"
     program.write_text(
         "import atexit, srvgen, taskrpc.sync\n"
@@ -208,7 +208,7 @@ def test_waiting_thread_gets_an_error_when_its_server_ends():
             release.set()
 
 
-def test_a_short_deadline_behind_a_long_one_is_kept(node):
+def test_short_deadline_after_a_long_one_is_kept(node):
     release = threading.Event()
 
     def stuck(request, response):
@@ -228,8 +228,8 @@ def test_a_short_deadline_behind_a_long_one_is_kept(node):
         patient.result(60)
 
 
-def test_a_call_on_its_way_while_its_service_moves_reaches_that_service_and_no_other():
-    """A method number of one server's means another service on another's connection."""
+def test_call_sent_while_its_service_moves_reaches_only_that_service():
+    """A method id of one server names another service on the connection of another server."""
     reached = []
 
     def noting(name):

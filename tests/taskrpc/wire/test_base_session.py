@@ -1,4 +1,4 @@
-"""A session below its calls: frames, pings, the end, and what a peer can do wrong."""
+"""The base of a session: frames, pings, the end, and errors of the peer."""
 
 import tracemalloc
 from collections import Counter
@@ -57,7 +57,7 @@ def test_a_peer_without_the_magic_bytes_gets_no_reply():
     assert not pair.server.take()
 
 
-def test_after_its_end_a_session_hears_and_says_nothing():
+def test_ended_session_ignores_input_and_sends_nothing():
     pair = open_pair()
     call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
     pair.deliver(pair.server)
@@ -71,7 +71,7 @@ def test_after_its_end_a_session_hears_and_says_nothing():
     assert not pair.server.out
 
 
-def test_a_closed_session_takes_no_large_body():
+def test_closed_session_ignores_a_large_body():
     pair = open_pair()
     receive(pair.server, frame(FrameType.REQUEST, 1) + frame(FrameType.REQUEST, 1))
     receive(pair.client, pack_header(FrameType.RESPONSE, 0, 0, 1, 0, 2 * LARGE))
@@ -104,14 +104,14 @@ def test_frames_before_a_protocol_error_are_handled_and_none_after_it(bad):
 
 
 @pytest.mark.parametrize("type_", [0x80, 0xFF])
-def test_frames_that_may_be_skipped_are_skipped(type_):
+def test_unknown_optional_frames_are_ignored(type_):
     pair = open_pair()
     for end in (pair.client, pair.server):
         assert receive(end, frame(type_, 9, 9, b"later version")) == []
         assert end.state is ConnectionState.OPEN
 
 
-def test_an_error_for_the_connection_says_why_it_ends():
+def test_error_frame_for_the_connection_closes_it_with_its_reason():
     pair = open_pair()
     pair.client.request("ticket", 1, b"", NO_DEADLINE)
     (closed,) = receive(pair.client, frame(FrameType.ERROR, arg=7 << 16, body=b"\x91\xa2no"))
@@ -121,7 +121,7 @@ def test_an_error_for_the_connection_says_why_it_ends():
 
 
 def conversation():
-    """What a client and a server say to each other in a lively talk."""
+    """The bytes that a client and a server send each other, with many kinds of frames."""
     pair = open_pair()
     for n in range(3):
         pair.client.request(n, 1, bytes(n * 10), 100)
@@ -141,7 +141,7 @@ def conversation():
 
 
 def hear(end, stream, piece):
-    """Feed a session what a hostile peer sent; only documented events may come of it."""
+    """Feed a session the bytes of a hostile peer; only documented events may result."""
     events = receive(end, stream, piece)
     assert all(isinstance(event, DOCUMENTED) for event in events)
     assert types(events).count(Closed) == (end.state is ConnectionState.CLOSED)
@@ -189,7 +189,7 @@ def test_frames_with_random_content_raise_nothing(stream, piece, is_client):
     assert pair.server.in_flight <= DEFAULT_LIMITS.calls + 12
 
 
-def test_a_peer_that_announces_megabytes_again_and_again_takes_no_memory():
+def test_announced_large_bodies_allocate_no_memory():
     tracemalloc.start()
     try:
         pairs = [open_pair() for _ in range(30)]

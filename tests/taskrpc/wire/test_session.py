@@ -28,7 +28,7 @@ from tests.taskrpc.wire.helpers import ConnectionPair, open_pair, receive
 SIZE_OF_HEADER = HEADER.size
 
 UNHEEDED = Limits(calls=10_000, bytes=10_000_000)
-"""What a client believes that breaks the server's limits."""
+"""The limits that a client assumes if it ignores those of the server."""
 
 
 def types(events):
@@ -40,7 +40,7 @@ def frame(type_, call_id=0, arg=0, body=b"", flags=0, method=0):
 
 
 @pytest.mark.parametrize("piece", [1, 5, 65_536])
-def test_a_call_is_answered(piece):
+def test_call_gets_its_response(piece):
     pair = open_pair()
     call_id = pair.client.request("ticket", 3, b"question", 250, flags=4)
     assert pair.client.in_flight == 1
@@ -99,7 +99,7 @@ def test_the_largest_permitted_body_passes_and_one_byte_more_closes():
     assert str(closed.error) == "a frame of 200001 bytes; at most 200000 are accepted"
 
 
-def test_a_second_answer_is_not_sent():
+def test_second_response_is_not_sent():
     pair = open_pair()
     call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
     pair.deliver(pair.server)
@@ -147,7 +147,7 @@ def test_the_server_time_is_capped_at_the_largest_value_of_a_frame():
     assert [event.server_time for event in pair.deliver(pair.client)] == [LONGEST_TIME]
 
 
-def test_a_cancel_that_crosses_the_answer_is_ignored():
+def test_cancel_that_crosses_the_response_is_ignored():
     pair = open_pair()
     call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
     pair.deliver(pair.server)
@@ -158,7 +158,7 @@ def test_a_cancel_that_crosses_the_answer_is_ignored():
     assert pair.client.lost() == []
 
 
-def test_a_resolve_is_answered_like_a_call():
+def test_resolve_gets_a_response_like_a_call():
     pair = open_pair()
     call_id = pair.client.resolve("ticket", Resolve("/x", "hash"), definition=True)
     assert pair.deliver(pair.server) == [ResolveReceived(call_id, Resolve("/x", "hash"), True, 10)]
@@ -167,7 +167,7 @@ def test_a_resolve_is_answered_like_a_call():
     assert failed.error.path == "name"
 
 
-def test_any_number_of_questions_fits_beside_a_full_house():
+def test_resolve_requests_do_not_count_against_the_limit_of_calls():
     pair = open_pair(limits=Limits(calls=2))
     for n in range(2):
         pair.client.request(n, 1, b"", NO_DEADLINE)
@@ -178,7 +178,7 @@ def test_any_number_of_questions_fits_beside_a_full_house():
     assert pair.server.state is ConnectionState.OPEN
 
 
-def test_a_client_that_exceeds_its_calls_has_its_answers_and_the_reason():
+def test_client_with_too_many_calls_gets_its_responses_and_the_reason():
     pair = open_pair(limits=Limits(calls=2))
     pair.client.their_limits = UNHEEDED
     ids = [pair.client.request(n, 1, b"", NO_DEADLINE) for n in range(5)]
@@ -204,7 +204,7 @@ def test_requests_over_the_limits_after_goaway_are_ignored():
     assert len(b"".join(pair.server.out)) == SIZE_OF_HEADER
 
 
-def test_a_client_that_exceeds_its_bytes_has_its_answers_and_the_reason():
+def test_client_with_too_many_bytes_gets_the_reason():
     pair = open_pair(limits=Limits(bytes=100))
     pair.client.request("alone it may be larger", 1, bytes(500), NO_DEADLINE)
     assert not pair.client.request("no room", 1, b"", NO_DEADLINE)
@@ -224,7 +224,7 @@ def test_one_body_above_the_bytes_in_flight_is_sent_alone():
     assert pair.client.request("room", 1, bytes(100), NO_DEADLINE)
 
 
-def test_an_advertisement_tells_the_client_to_look_again():
+def test_advertise_becomes_an_event_of_the_client():
     pair = open_pair()
     pair.server.advertise()
     assert types(pair.deliver(pair.client)) == [ServicesChanged]
@@ -246,7 +246,7 @@ def test_a_draining_server_finishes_its_calls():
 
 
 @pytest.mark.parametrize("question", [False, True])
-def test_a_call_that_crosses_goaway_never_runs_and_its_owner_learns_that(question):
+def test_call_that_crosses_goaway_is_not_executed_and_is_reported_as_refused(question):
     pair = open_pair()
     first = pair.client.request("first", 1, b"", NO_DEADLINE)
     pair.deliver(pair.server)
@@ -280,7 +280,7 @@ def test_only_a_server_drains():
     assert str(closed.error) == "a client may not send frame type 13"
 
 
-def test_a_server_that_drains_before_the_handshake_says_nothing():
+def test_drain_before_the_handshake_sends_nothing():
     pair = ConnectionPair()
     pair.deliver(pair.server)
     pair.server.take()
@@ -328,7 +328,7 @@ OFFENCES_OF_A_CLIENT = {
 
 
 @pytest.mark.parametrize("name", OFFENCES_OF_A_CLIENT)
-def test_an_offence_closes_the_connection_with_its_reason(name):
+def test_protocol_violation_closes_the_connection_with_its_reason(name):
     stream, sentence = OFFENCES_OF_A_CLIENT[name]
     pair = open_pair()
     *_, closed = receive(pair.server, stream)

@@ -38,7 +38,7 @@ server_times = st.one_of(
 
 @given(st.lists(a_request, min_size=1, max_size=4), server_times, st.booleans())
 @settings(max_examples=60)
-def test_requests_and_responses_are_sent_as_any_other_frame(requests, server_time, beside):
+def test_requests_and_responses_are_the_same_frames_as_from_send(requests, server_time, beside):
     pair, plain = open_pair(), open_pair()
     for call_id, (method, size, left, flags) in enumerate(requests, 1):
         assert pair.client.request("ticket", method, bytes(size), left, flags) == call_id
@@ -75,7 +75,7 @@ some_frame = st.one_of(
 
 @given(st.lists(some_frame, max_size=8), st.data(), st.booleans(), st.booleans())
 @settings(max_examples=150)
-def test_frame_that_is_read_alone_is_handled_as_one_in_two_pieces(stream, data, is_client, drains):
+def test_frame_in_one_read_has_the_same_effects_as_in_two_pieces(stream, data, is_client, drains):
     ends = []
     for pair in (open_pair(), open_pair()):
         for n in range(3):

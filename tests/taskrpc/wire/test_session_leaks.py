@@ -15,8 +15,8 @@ OFFENCES = {
 
 
 @pytest.mark.parametrize("offence", OFFENCES)
-def test_a_peer_that_is_cut_off_leaves_nothing_behind(offence):
-    """An error's traceback has the frames that it came through, and these may hold the error."""
+def test_closed_connection_leaves_no_objects_behind(offence):
+    """The traceback of an error refers to stack frames, which may refer to the error."""
 
     def offend():
         pair = open_pair()
@@ -28,7 +28,7 @@ def test_a_peer_that_is_cut_off_leaves_nothing_behind(offence):
 
     offend()
     gc.collect()
-    gc.freeze()  # what is there by now need not be walked again
+    gc.freeze()  # the collector need not examine these objects again
     before = objects()
     for _ in range(50):
         offend()

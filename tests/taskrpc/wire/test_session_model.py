@@ -1,4 +1,4 @@
-"""A client and a server under every order of events that Hypothesis finds, against a model."""
+"""Compares a client and a server with a model, for random orders of events."""
 
 from hypothesis import settings
 from hypothesis import strategies as st
@@ -36,7 +36,7 @@ pieces = st.sampled_from([1000, LARGE])
 
 
 class Talk(RuleBasedStateMachine):
-    """Tickets are the call ids themselves, so that an answer to the wrong call shows."""
+    """Tickets are the call ids, so that a response to the wrong call is found."""
 
     calls = Bundle("calls")
 
@@ -47,24 +47,24 @@ class Talk(RuleBasedStateMachine):
         self.sizes = {}
         """Every request ever made, with its bytes."""
         self.asked = set()
-        """Every question ever asked."""
+        """The call id of every RESOLVE."""
         self.ends = {}
-        """How each call ended for its owner; each may be written once."""
+        """How each call ended for its caller; each is set once."""
         self.cancelled = set()
         self.begun = {}
-        """What the server took on, and whether it has ended it."""
+        """The calls that began in the server, and whether each has ended."""
         self.refused = set()
-        """Calls that the server would not have beside the others."""
+        """Calls that the server refused because of their quota."""
         self.freed = set()
         """Calls whose terminal frame the client has seen."""
         self.lost = False
 
     def end(self, ticket, outcome):
         assert ticket not in self.ends, f"call {ticket} ended twice"
-        assert ticket not in self.cancelled, f"call {ticket} was given up and still ended"
+        assert ticket not in self.cancelled, f"call {ticket} was cancelled and still ended"
         self.ends[ticket] = outcome
 
-    # What the client's owner does
+    # Actions of the caller
 
     @precondition(lambda self: len(self.made() - self.freed) <= LIMITS.calls)
     @rule(target=calls, size=sizes)
@@ -101,7 +101,7 @@ class Talk(RuleBasedStateMachine):
         if call not in self.ends:
             self.cancelled.add(call)
 
-    # What the server's owner does
+    # Actions of the server's program
 
     @precondition(lambda self: not all(self.begun.values()))
     @rule(data=st.data(), size=sizes, how=st.sampled_from(["respond", "fail", "beside"]))
@@ -130,7 +130,7 @@ class Talk(RuleBasedStateMachine):
     def drain(self):
         self.pair.server.drain()
 
-    # What the wire does
+    # Actions of the network
 
     @rule(count=counts, piece=pieces)
     def carry_to_server(self, count, piece):
@@ -153,7 +153,7 @@ class Talk(RuleBasedStateMachine):
                     self.begin(event.call_id)
                 case CancelReceived():
                     assert event.call_id in self.cancelled
-                    # What was refused just now was read together with this.
+                    # A request that was refused just now arrived in the same read.
                     assert self.begun[event.call_id] is False or event.call_id in self.refused
                 case _:
                     raise AssertionError(event)
@@ -171,7 +171,7 @@ class Talk(RuleBasedStateMachine):
 
     def begin(self, call):
         assert call not in self.begun, f"call {call} began twice"
-        assert self.ends.get(call) != "refused", f"call {call} ran although its owner was told not"
+        assert self.ends.get(call) != "refused", f"call {call} began although it was refused"
         self.begun[call] = False
 
     @rule(count=counts, piece=pieces)
@@ -193,7 +193,7 @@ class Talk(RuleBasedStateMachine):
             self.check_freed()
 
     def check_freed(self):
-        """A place in the limits is freed by a terminal frame, or by GOAWAY for what never began."""
+        """A terminal frame frees the call's place in the limits; so does GOAWAY before it began."""
         self.freed = self.made() - self.pair.client.open_calls.keys()
         for call in self.freed:
             refused = self.ends.get(call) == "refused" or call in self.cancelled

@@ -1,4 +1,4 @@
-"""A caller whose deadline passes learns from the server whether its call had begun."""
+"""When a deadline passes, the client asks the server whether the call had begun."""
 
 import asyncio
 
@@ -22,7 +22,7 @@ class Lab:
         self.client = user.create_client(Add, "add", timeout=None)
 
     async def expire(self, number=2):
-        """Call under a deadline that passes; returns the error and how late it came."""
+        """Call under a deadline that passes; returns `not_executed`, and the delay in seconds."""
         loop = asyncio.get_running_loop()
         began = loop.time()
         with pytest.raises(taskrpc.DeadlineExceeded) as caught:
@@ -48,7 +48,7 @@ async def lab(request):
             await outcome(running)
 
 
-async def test_an_expired_call_that_waited_behind_another_is_known_not_to_have_run(lab):
+async def test_expired_call_that_waited_behind_another_is_reported_as_not_executed(lab):
     not_executed, late = await lab.expire()
     assert not_executed is True
     assert late == pytest.approx(0.002)  # the way to the server and back
@@ -78,7 +78,7 @@ async def test_caller_waits_at_most_a_tick_for_the_answer_of_the_server(lab):
     assert (await lab.client.call(ask(3))).sum == 3
 
 
-async def test_a_caller_whose_server_is_silent_waits_no_longer_than_a_tick(lab):
+async def test_caller_of_a_silent_server_waits_no_longer_than_a_tick(lab):
     lab.network.partition("server", "user")
     not_executed, late = await lab.expire()
     assert not_executed is None
@@ -86,7 +86,7 @@ async def test_a_caller_whose_server_is_silent_waits_no_longer_than_a_tick(lab):
     lab.network.heal()
 
 
-async def test_a_caller_whose_connection_ends_in_that_tick_learns_it_at_once(lab):
+async def test_connection_that_ends_within_that_tick_ends_the_call_at_once(lab):
     expiring = asyncio.ensure_future(lab.expire())
     await asyncio.sleep(SPAN + 0.0005)
     lab.network.cut("server", "user")
@@ -126,14 +126,14 @@ async def test_call_cancelled_within_that_tick_stays_cancelled(lab):
     assert (await lab.client.call(ask(3))).sum == 3
 
 
-async def test_many_calls_that_expire_behind_one_are_known_not_to_have_run(lab):
+async def test_many_calls_that_expire_behind_one_are_reported_as_not_executed(lab):
     calls = [lab.client.call(ask(n), timeout=SPAN + n / 10_000) for n in range(200)]
     errors = await asyncio.gather(*calls, return_exceptions=True)
     assert {type(error) for error in errors} == {taskrpc.DeadlineExceeded}
     assert {error.not_executed for error in errors} == {True}
 
 
-async def test_a_late_call_that_its_server_refuses_is_not_sent_to_another():
+async def test_late_call_that_its_server_refuses_is_not_sent_to_another():
     future = asyncio.get_running_loop().create_future()
     moved = []
     call = OpenCall(future, None, None, 0.0, 1, b"", moved.append, is_late=True)
@@ -143,7 +143,7 @@ async def test_a_late_call_that_its_server_refuses_is_not_sent_to_another():
     assert (caught.value.not_executed, moved) == (True, [])
 
 
-async def test_a_late_call_asks_its_server_once(lab, monkeypatch):
+async def test_late_call_is_cancelled_at_the_server_once(lab, monkeypatch):
     asked = []
     ask_to_stop = Session.ask_to_stop
 
@@ -153,7 +153,7 @@ async def test_a_late_call_asks_its_server_once(lab, monkeypatch):
 
     monkeypatch.setattr(Session, "ask_to_stop", counted)
     lab.network.partition("server", "user")
-    # Later deadlines in the same tick bring further looks at the calls that are late.
+    # Later deadlines in the same tick cause further checks of the calls that are late.
     calls = [lab.client.call(ask(n), timeout=SPAN + n / 1000) for n in range(5)]
     await asyncio.gather(*calls, return_exceptions=True)
     lab.network.heal()

@@ -1,4 +1,4 @@
-"""Threads call on a connection themselves: in order, and beside the event loop."""
+"""Threads send calls on a connection themselves, in order, while the event loop uses it too."""
 
 import asyncio
 import threading
@@ -30,7 +30,7 @@ def node():
 
 
 class Stingy:
-    """A socket that takes a few bytes of each message, or none, as a full one does."""
+    """A socket that accepts a few bytes of each message, or none, as if its buffer were full."""
 
     def __init__(self, socket, takes):
         self.socket = socket
@@ -60,7 +60,7 @@ def test_loop_sends_the_bytes_that_the_socket_did_not_accept(node, takes):
     assert stingy.asked > 10
 
 
-def test_a_caller_writes_to_the_socket_itself(node):
+def test_calling_thread_writes_to_the_socket_itself(node):
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
     assert client.wait_for_service(timeout=60)
@@ -86,8 +86,8 @@ def test_calls_from_threads_and_from_the_loop_do_not_disturb_each_other(node):
     assert client._inner._channel._connection.session.in_flight == 0
 
 
-def test_a_connection_that_threads_call_on_retires_in_time(node):
-    """Numbers of calls never come again on one connection, and never outgrow their field."""
+def test_connection_is_replaced_when_threads_have_used_its_last_call_id(node):
+    """No call id is used twice on one connection, or exceeds its field."""
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
     assert client.wait_for_service(timeout=60)
@@ -100,8 +100,8 @@ def test_a_connection_that_threads_call_on_retires_in_time(node):
 
 
 @pytest.mark.parametrize("what", ["expiring", "resume_writing"])
-def test_the_loop_waits_for_a_thread_that_begins_a_call(node, what):
-    """Else it would look through calls, or number one of its own, while the thread adds one."""
+def test_loop_waits_for_a_thread_that_begins_a_call(node, what):
+    """Otherwise it would iterate over the calls, or send one, while the thread adds one."""
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
     assert client.wait_for_service(timeout=60)
@@ -119,7 +119,7 @@ def test_the_loop_waits_for_a_thread_that_begins_a_call(node, what):
 
 
 def test_simultaneous_deadlines_of_several_threads_are_all_kept(node):
-    """The loop hears of several at once: a later one must not take the place of an earlier."""
+    """The loop gets several at once: a later one must not replace an earlier one."""
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
     assert client.wait_for_service(timeout=60)
@@ -146,7 +146,7 @@ def test_functions_get_the_responses_in_the_order_of_the_calls(node):
         if len(told) == 20:
             all_told.set()
 
-    for n in range(20):  # the first go by the loop, which finds the service, the others directly
+    for n in range(20):  # the loop sends the first, since it finds the service; then this thread
         client.call_then(AddTwoInts.Request(a=n), tell)
         if n == 10:
             assert client.wait_for_service(60)
@@ -155,9 +155,9 @@ def test_functions_get_the_responses_in_the_order_of_the_calls(node):
 
 
 class Sending:
-    """A transport that takes what is left out of its buffer before it sends it.
+    """A transport that removes the rest from its buffer before it sends it.
 
-    As asyncio's on Windows does: meanwhile it calls the buffer empty.
+    asyncio's transport on Windows does this too: it already reports an empty buffer.
     """
 
     def __init__(self, transport):
@@ -182,7 +182,7 @@ class Sending:
         self.write = self._transport.write
 
 
-def test_a_thread_sends_nothing_while_the_transport_sends_what_was_left(node):
+def test_thread_sends_nothing_while_the_transport_sends_the_rest(node):
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
     assert client.call(AddTwoInts.Request(a=1)).sum == 1
@@ -199,7 +199,7 @@ def test_a_thread_sends_nothing_while_the_transport_sends_what_was_left(node):
 
 
 def test_simultaneous_responses_arrive_in_the_order_of_the_calls(node):
-    """Before the first call the connection has to be made; before the second it is there."""
+    """The first call makes the connection; the second uses it."""
     arrived, opened, loops = threading.Semaphore(0), asyncio.Event(), []
 
     async def wait(request, response):
@@ -252,7 +252,7 @@ def test_cancelled_call_is_not_reported_and_is_cancelled_at_the_server(node):
     node.create_service(AddTwoInts, "wait", wait)
     client = node.create_client(AddTwoInts, "wait")
     told = []
-    for _ in range(2):  # once by the loop, once directly
+    for _ in range(2):  # first the loop sends the call, then this thread
         cancel = client.call_then(AddTwoInts.Request(), lambda *end: told.append(end))
         assert begun.wait(60)
         cancel()

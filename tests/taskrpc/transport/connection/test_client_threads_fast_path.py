@@ -26,7 +26,7 @@ NEARLY_ALL = LAST_CALL_ID - 2
 
 
 class Owner:
-    """What the connection needs from its endpoint."""
+    """The part of an endpoint that the connection needs."""
 
     keepalive = DEFAULT
 
@@ -43,7 +43,7 @@ class Owner:
 
 
 class SocketTransport(asyncio.Transport):
-    """Writes to a socket, or to a buffer while the socket is said to be full."""
+    """Writes to a socket, or to a buffer while `is_full`."""
 
     def __init__(self, sock):
         super().__init__({"socket": sock})
@@ -94,7 +94,7 @@ class End:
         return heard
 
     def answer(self):
-        """Let the client read what the server says."""
+        """Let the client read the output of the server."""
         for piece in self.server.take():
             self.connection.get_buffer(-1)[: len(piece)] = piece
             self.connection.buffer_updated(len(piece))
@@ -156,7 +156,7 @@ class End:
 
 
 def outcome(waiter):
-    """What the waiting thread gets, if the call has ended."""
+    """The result or error of the waiting thread, None while the call has not ended."""
     if not waiter.done():
         return None
     try:

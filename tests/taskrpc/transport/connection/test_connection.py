@@ -1,4 +1,4 @@
-"""A connection pings the silent, cuts off the stalled, and lets everybody else go on."""
+"""A connection pings silent peers and closes stalled ones; other peers are not affected."""
 
 import asyncio
 import logging
@@ -69,7 +69,7 @@ async def test_a_silent_peer_is_pinged_and_answers(server, node):
     assert (await client.call(ask(1))).sum == 1
 
 
-async def test_no_ping_is_sent_while_there_is_talk(server, node):
+async def test_no_ping_is_sent_while_calls_are_made(server, node):
     client, connection = await connected(node)
     asked = frames_written(connection)
     for _ in range(60):
@@ -78,7 +78,7 @@ async def test_no_ping_is_sent_while_there_is_talk(server, node):
     assert FrameType.PING not in asked
 
 
-async def test_a_peer_that_stalls_inside_a_frame_is_cut_off_and_others_go_on(server, node, caplog):
+async def test_connection_of_a_peer_that_stalls_inside_a_frame_is_closed(server, node, caplog):
     client, _ = await connected(node)
     async with taskrpc.Node("lazy", transport="memory", token="z") as lazy:
         _, stalled = await connected(lazy)
@@ -94,7 +94,7 @@ async def test_a_peer_that_stalls_inside_a_frame_is_cut_off_and_others_go_on(ser
     assert caplog.text.count("moved too few bytes") == 1
 
 
-async def test_a_peer_that_dribbles_below_the_rate_is_cut_off(server, node):
+async def test_connection_of_a_peer_that_sends_below_the_rate_is_closed(server, node):
     _, stalled = await connected(node)
     stalled.transport.write(pack_header(FrameType.REQUEST, 0, 1, 100, 0xFFFFFFFF, 100_000))
     began = asyncio.get_running_loop().time()
@@ -104,7 +104,7 @@ async def test_a_peer_that_dribbles_below_the_rate_is_cut_off(server, node):
     assert asyncio.get_running_loop().time() - began < 12.5
 
 
-def test_what_the_system_took_of_an_answer_is_no_sign_of_a_peer_that_reads_nothing():
+def test_bytes_that_the_kernel_buffered_do_not_count_as_read_by_the_peer():
     watch = _Watch(0.0)
     assert not watch.stalled(1.0, 0, owes=False)
     watch.written = 5_000_000
@@ -112,9 +112,9 @@ def test_what_the_system_took_of_an_answer_is_no_sign_of_a_peer_that_reads_nothi
     assert watch.stalled(11.0, 100_000, owes=True)
 
 
-async def test_a_slow_peer_above_the_rate_is_served(server, node, monkeypatch):
+async def test_slow_peer_above_the_rate_is_served(server, node, monkeypatch):
     client, slow = await connected(node)
-    # A ping would stand inside the frame that we write.
+    # A PING would interrupt the frame that we write.
     monkeypatch.setattr(type(slow.session), "ping", lambda self, nonce: None)
     body = b"\x92\x01\x02"
     slow.session.last_call_id += 1
@@ -128,7 +128,7 @@ async def test_a_slow_peer_above_the_rate_is_served(server, node, monkeypatch):
     assert (await client.call(ask(1))).sum == 1
 
 
-async def test_a_peer_that_reads_steadily_is_not_cut_off_however_much_waits_for_it(server, node):
+async def test_peer_that_reads_steadily_stays_connected_with_much_unread_output(server, node):
     def big(request, response):
         response.message = "x" * 400_000
         return response
@@ -142,7 +142,7 @@ async def test_a_peer_that_reads_steadily_is_not_cut_off_however_much_waits_for_
     calls = [client.call_async(Text.Request()) for _ in range(100)]
     await asyncio.sleep(0.1)
     for _ in range(60):
-        # The reader takes 20 kB a second while ever more is written for it.
+        # The peer reads 20 kB a second while more and more is written.
         taken = pipe._inbox.popleft()
         pipe._inbox_size -= len(taken)
         for start in range(0, len(taken), 20_000):
@@ -158,7 +158,7 @@ async def test_a_peer_that_reads_steadily_is_not_cut_off_however_much_waits_for_
         call.cancel()
 
 
-async def test_a_caller_that_never_reads_is_cut_off(server, node, caplog):
+async def test_connection_of_a_caller_that_never_reads_is_closed(server, node, caplog):
     def big(request, response):
         response.message = "x" * (UNREAD_LIMIT + 1)
         return response
@@ -174,7 +174,7 @@ async def test_a_caller_that_never_reads_is_cut_off(server, node, caplog):
     assert isinstance(await outcome(call), taskrpc.OutcomeUnknown)
 
 
-async def test_a_server_that_stops_answering_but_lives_is_never_closed(server, node):
+async def test_connection_to_a_server_with_a_very_long_call_stays_open(server, node):
     server.create_service(Add, "gate", gate := Gate())
     client, connection = await connected(node, "gate")
     call = client.call_async(ask(), timeout=None)
@@ -184,8 +184,8 @@ async def test_a_server_that_stops_answering_but_lives_is_never_closed(server, n
     await call
 
 
-async def test_a_request_after_the_farewell_is_not_run(server, node):
-    """It crossed GOAWAY on the way: its caller has sent it elsewhere."""
+async def test_request_after_goaway_is_not_executed(server, node):
+    """Request and GOAWAY crossed: the client sends the request to another server."""
     gate = Gate()
     server.create_service(Add, "gate", gate, concurrency=5)
     client, connection = await connected(node, "gate")
@@ -201,7 +201,7 @@ async def test_a_request_after_the_farewell_is_not_run(server, node):
     assert not connection.is_open
 
 
-async def test_a_drained_connection_closes_after_its_last_answer(server, node):
+async def test_drained_connection_closes_after_its_last_response(server, node):
     gate = Gate()
     server.create_service(Add, "gate", gate)
     client, connection = await connected(node, "gate")
@@ -217,7 +217,7 @@ async def test_a_drained_connection_closes_after_its_last_answer(server, node):
     await asyncio.wait_for(asyncio.gather(connection.gone, serving.gone), 1)
 
 
-async def test_a_connection_that_has_made_all_its_calls_retires(server, node, monkeypatch):
+async def test_connection_is_replaced_after_its_last_call_id(server, node, monkeypatch):
     monkeypatch.setattr("taskrpc.transport.connection.client_side.LAST_CALL_ID", 20)
     gate = Gate()
     server.create_service(Add, "gate", gate)
@@ -234,7 +234,7 @@ async def test_a_connection_that_has_made_all_its_calls_retires(server, node, mo
     assert first.transport is None
 
 
-async def test_an_answer_that_is_no_message_is_one_clear_error(server, node):
+async def test_invalid_response_is_reported_as_one_error(server, node):
     server.create_service(Add, "gate", gate := Gate())
     client, _ = await connected(node, "gate")
     serving = next(iter(server._transport._served))
@@ -253,7 +253,7 @@ async def test_an_answer_that_is_no_message_is_one_clear_error(server, node):
     assert len(gate.started) == 4
 
 
-async def test_a_listing_that_is_no_listing_is_one_clear_error(server, node, monkeypatch):
+async def test_invalid_listing_is_reported_as_one_error(server, node, monkeypatch):
     _, connection = await connected(node)
     with monkeypatch.context() as patch:
         patch.setattr(server._transport, "listing", lambda: 42)
@@ -261,9 +261,7 @@ async def test_a_listing_that_is_no_listing_is_one_clear_error(server, node, mon
     assert "the server's answer is not valid" in str(error)
 
 
-async def test_bytes_after_the_magic_that_are_no_frame_end_the_connection_with_one_line(
-    server, caplog
-):
+async def test_invalid_bytes_after_the_magic_close_the_connection_with_one_log_line(server, caplog):
     class Stranger(asyncio.BufferedProtocol):
         def connection_made(self, transport):
             transport.write(MAGIC + struct.pack("<I", 0xFFFFFFFF) + bytes(30))
@@ -287,7 +285,7 @@ async def test_bytes_after_the_magic_that_are_no_frame_end_the_connection_with_o
     assert isinstance(server._transport, Endpoint)
 
 
-async def test_frames_that_must_not_come_end_only_their_own_connection(server, node, caplog):
+async def test_forbidden_frames_close_only_their_own_connection(server, node, caplog):
     client, _ = await connected(node)
     for frame in (
         pack_frame(0x55, 0, 0, 0, 0),
@@ -304,8 +302,8 @@ async def test_frames_that_must_not_come_end_only_their_own_connection(server, n
     assert caplog.text.count("closed the connection from") == 4
 
 
-async def test_a_cancel_that_comes_together_with_its_request_stops_the_call(server, node):
-    """A server that was busy reads both at once; the callback must not run to its end."""
+async def test_cancel_in_the_same_read_as_its_request_cancels_the_call(server, node):
+    """A busy server reads both at once; the callback must not run to its end."""
     gate = Gate()
     server.create_service(Add, "held", gate)
     client, connection = await connected(node, "held")
@@ -317,7 +315,7 @@ async def test_a_cancel_that_comes_together_with_its_request_stops_the_call(serv
     assert not serving.session.in_flight
 
 
-async def test_who_calls_beyond_the_limits_has_his_answers_then_the_reason(
+async def test_client_above_the_limits_gets_its_responses_and_then_the_reason(
     server, node, monkeypatch, caplog
 ):
     gate = Gate()
@@ -328,7 +326,7 @@ async def test_who_calls_beyond_the_limits_has_his_answers_then_the_reason(
     told = []
     note = lambda _, event: told.append(str(event.error))  # noqa: E731
     monkeypatch.setitem(type(connection).handlers, Closed, note)
-    monkeypatch.setattr(type(connection), "retire", lambda _: None)  # it heeds no farewell
+    monkeypatch.setattr(type(connection), "retire", lambda _: None)  # it ignores GOAWAY
     method = client._channel._method
     for call_id in range(1000, 1010):
         frame = pack_frame(FrameType.REQUEST, 0, method, call_id, 0xFFFFFFFF, b"\x92\1\2")
@@ -347,7 +345,7 @@ async def test_who_calls_beyond_the_limits_has_his_answers_then_the_reason(
     )
 
 
-async def test_thousands_of_connections_are_not_pinged_in_one_moment(server, monkeypatch):
+async def test_ticks_of_thousands_of_connections_are_spread_over_time(server, monkeypatch):
     class Idle:
         def __init__(self):
             self.looks = []
@@ -382,7 +380,7 @@ def test_address_of_a_peer_is_shown_as_users_write_it(peer, text):
 
 
 class Leaver(asyncio.BufferedProtocol):
-    """Connects, writes this, and leaves when it is told to."""
+    """A peer that connects and writes `data`; the test closes its transport."""
 
     def __init__(self, data=b""):
         self.data = data

@@ -1,4 +1,4 @@
-"""A plan plans looks so that each deadline is seen: never early, at most half a tick late."""
+"""A plan checks each deadline in time: never early, at most half a tick late."""
 
 import math
 
@@ -12,7 +12,7 @@ from taskrpc.transport.connection.deadline_timer import CHECK_LATE, TICK, CheckP
 RESOLUTION = 2e-9
 
 
-def test_nothing_is_planned_for_nobody():
+def test_no_check_is_planned_without_calls():
     plan = CheckPlan()
     assert plan.at == math.inf
     plan.expect(3.0)
@@ -20,7 +20,7 @@ def test_nothing_is_planned_for_nobody():
     assert plan.at == plan.threshold == math.inf
 
 
-def test_a_look_is_planned_for_the_deadline_itself():
+def test_check_is_planned_for_the_deadline_itself():
     plan = CheckPlan()
     plan.expect(3.0021)
     assert plan.at == 3.0021
@@ -32,26 +32,26 @@ def test_later_deadlines_and_those_within_half_a_tick_are_not_reported():
     assert plan.threshold == 3.0 - CHECK_LATE
 
 
-def test_looks_are_half_a_tick_apart():
+def test_checks_are_half_a_tick_apart():
     plan = CheckPlan()
     plan.checked(1.0, 1.0001, 2)
     assert plan.at == 1.0 + CHECK_LATE
 
 
-def test_a_look_through_very_many_calls_is_followed_by_a_longer_rest():
+def test_check_of_very_many_calls_is_followed_by_a_longer_pause():
     plan = CheckPlan()
     plan.checked(1.0, 1.0001, 100_000)
     assert plan.at == pytest.approx(1.1)
 
 
 @pytest.mark.parametrize("now", [0.0, 1e3, 4e6])
-def test_a_clock_that_stands_just_before_the_instant_has_reached_it(now):
+def test_deadline_is_over_when_the_clock_is_a_nanosecond_early(now):
     assert is_over(now, now - 5e-10)
     assert not is_over(now + TICK / 10, now)
 
 
 class Watching(RuleBasedStateMachine):
-    """Against the obvious model: a list of deadlines."""
+    """Compares the plan with a simple model: a list of deadlines."""
 
     @initialize(start=st.sampled_from([0.0, 12345.678, 3e6]))
     def begin(self, start):

@@ -1,4 +1,4 @@
-"""Why a process could not be reached is told with what to do about it."""
+"""The error for an unreachable process says the reason and what to do."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Plain:
 
 
 class Connection:
-    """A connection that fails in its handshake, or is never answered."""
+    """A connection whose handshake fails or never ends."""
 
     transport = Plain()
     why_closed = None
@@ -57,7 +57,7 @@ class Net:
 
 
 async def failure(address, in_handshake=None, *, in_dialling=None):
-    """The error of a connection to an address, as one who calls gets it."""
+    """The error that a caller gets for an address."""
     dialler = Dialler(Net(in_dialling), lambda _: Connection(in_handshake))
     with pytest.raises(taskrpc.TaskRpcError) as caught:
         await dialler.connection(address, None)
@@ -65,7 +65,7 @@ async def failure(address, in_handshake=None, *, in_dialling=None):
 
 
 @pytest.mark.parametrize("error", [None, ConnectionLost("no handshake within 3 s")])
-async def test_a_process_that_was_stopped_is_named_with_the_cure(monkeypatch, error):
+async def test_error_names_a_stopped_process_and_how_to_continue_it(monkeypatch, error):
     monkeypatch.setattr("taskrpc.platform.is_stopped", lambda pid: pid == 4711)
     found = await failure(HERE, error)
     assert isinstance(found, ConnectionLost)
@@ -76,7 +76,7 @@ async def test_a_process_that_was_stopped_is_named_with_the_cure(monkeypatch, er
     )
 
 
-async def test_a_process_that_is_silent_otherwise_is_not_called_stopped(monkeypatch):
+async def test_silent_process_that_is_not_stopped_is_not_called_stopped(monkeypatch):
     monkeypatch.setattr("taskrpc.platform.is_stopped", lambda _: False)
     assert str(await failure(HERE)) == f"{PLACE}: it did not answer"
 
@@ -105,7 +105,7 @@ async def test_revoked_account_of_a_lab_gets_the_hint_to_ask_for_a_new_string():
     ]
 
 
-async def test_a_token_that_was_given_is_not_shown():
+async def test_error_does_not_show_a_token():
     found = await failure(PEER, AuthenticationFailed("the token is not this server's"))
     assert str(found) == f"{PLACE}: the token is not this server's"
 
@@ -118,7 +118,7 @@ async def test_a_token_that_was_given_is_not_shown():
         (UnicodeError(), "not a valid host name"),
     ],
 )
-async def test_a_place_is_named_once_and_the_lab_as_the_lab(error, reason):
+async def test_error_names_the_place_once_and_a_lab_as_the_lab(error, reason):
     assert str(await failure(PEER, in_dialling=error)) == f"{PLACE}: {reason}"
     text = str(await failure(LAB, in_dialling=error))
     assert text.startswith(f"the lab's server at {PLACE}: {reason}; is it on, and is this")
@@ -131,7 +131,7 @@ async def test_protocol_error_in_the_handshake_stays_a_protocol_error():
 
 
 @pytest.mark.real_time
-async def test_a_lab_that_is_off_is_named_once_in_the_log(caplog):
+async def test_log_names_an_unreachable_lab_once(caplog):
     off = "127.0.0.1:1"
     lab.remember_lab(lab.Lab(place=off, token="ada.secret", certificate=""))
     async with taskrpc.Node("laptop") as node:

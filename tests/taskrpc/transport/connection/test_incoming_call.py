@@ -1,4 +1,4 @@
-"""Observers of a server are told each incoming call once, however it ends."""
+"""Observers of a server get one report of the end of each incoming call."""
 
 import asyncio
 
@@ -18,7 +18,7 @@ async def pair():
         yield made
 
 
-async def test_a_caller_that_goes_away_ends_its_calls_as_cancelled(pair):
+async def test_calls_of_a_lost_caller_are_reported_as_cancelled(pair):
     gate = Gate()
     client = pair.offer(gate)
     call = asyncio.ensure_future(client.call(ask()))
@@ -30,7 +30,7 @@ async def test_a_caller_that_goes_away_ends_its_calls_as_cancelled(pair):
     assert pair.server_log.codes == [Code.CANCELLED]
 
 
-async def test_a_request_that_cannot_be_decoded_ends_without_having_begun(pair):
+async def test_invalid_request_is_reported_as_ended_but_not_as_begun(pair):
     client = pair.offer(lambda request, response: response, Text)
     await client.wait_for_service()
     client._channel._encode = lambda request: b"\xc1"
@@ -57,7 +57,7 @@ async def test_calls_without_an_observer_are_plain_calls(pair):
 
 
 @pytest.mark.parametrize("observer", [None, Spans()])
-async def test_a_span_that_is_cut_short_is_no_request(observer, pair):
+async def test_request_with_an_incomplete_span_is_refused(observer, pair):
     async with taskrpc.Node("traced", transport="memory", token="t", observer=observer) as server:
         server.create_service(Text, "traced", lambda request, response: response)
         client = pair.client.create_client(Text, "traced")
@@ -68,7 +68,7 @@ async def test_a_span_that_is_cut_short_is_no_request(observer, pair):
             await client.call(Text.Request())
 
 
-async def test_a_server_without_an_observer_takes_no_notice_of_spans(pair):
+async def test_server_without_an_observer_ignores_spans(pair):
     async with taskrpc.Node("plain", transport="memory", token="p") as server:
         server.create_service(Add, "plain", add)
         client = pair.client.create_client(Add, "plain")

@@ -1,4 +1,4 @@
-"""One caller's runaway loop costs the others little: in reading, in waiting, in what is kept."""
+"""A runaway caller hardly delays the others: frames, queues and unread output are bounded."""
 
 import asyncio
 import contextlib
@@ -14,7 +14,7 @@ from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask, outcome, 
 
 @contextlib.asynccontextmanager
 async def nodes(*names):
-    """A server, and callers that are programs of their own."""
+    """A server and callers, each as if in a program of its own."""
     async with contextlib.AsyncExitStack() as stack:
         made = [taskrpc.Node(name, transport="memory", token=name) for name in ("server", *names)]
         yield [await stack.enter_async_context(each) for each in made]
@@ -47,7 +47,7 @@ async def test_callers_take_turns_in_a_services_queue():
         assert [n for n in order if n < 1000] == list(range(200))
 
 
-async def test_when_a_queue_is_full_whoever_fills_it_is_refused(monkeypatch):
+async def test_calls_of_the_greediest_caller_are_refused_when_a_queue_is_full(monkeypatch):
     monkeypatch.setattr("taskrpc.service.QUEUE_LIMIT", 10)
     gate = Gate()
     async with nodes("greedy", "modest") as (server, greedy, modest):
@@ -66,8 +66,8 @@ async def test_when_a_queue_is_full_whoever_fills_it_is_refused(monkeypatch):
         assert sorted(gate.started) == [*range(6), *range(1000, 1005)]
 
 
-async def test_a_flood_of_frames_lets_the_others_have_their_turn():
-    """What one read brings may be thousands of frames; others wait for a bounded number."""
+async def test_other_callers_are_served_during_a_flood_of_frames():
+    """One read may bring thousands of frames; other callers wait for a bounded number."""
     answered = []
 
     def note(request, response):
@@ -95,7 +95,7 @@ async def test_a_flood_of_frames_lets_the_others_have_their_turn():
         assert (await flood.call(ask(1))).sum == 0
 
 
-async def test_frames_that_waited_for_their_turn_are_heard_before_later_ones():
+async def test_postponed_frames_are_handled_before_later_ones():
     order = []
 
     def note(request, response):
@@ -116,7 +116,7 @@ def big(request, response):
     return response
 
 
-async def test_calls_that_wait_for_a_caller_to_read_keep_their_order_and_stop_nobody():
+async def test_calls_that_wait_for_a_caller_to_read_keep_their_order_and_delay_no_other_caller():
     begun = []
 
     async def large(request, response):
@@ -143,9 +143,7 @@ async def test_calls_that_wait_for_a_caller_to_read_keep_their_order_and_stop_no
 
 
 @pytest.mark.parametrize("concurrency", [1, 1000])
-async def test_callers_that_never_read_leave_no_more_than_the_bound_unread(
-    monkeypatch, concurrency
-):
+async def test_unread_responses_are_bounded_when_callers_never_read(monkeypatch, concurrency):
     monkeypatch.setattr(backpressure, "MAX_UNREAD", 10 * LARGE)
     async with nodes(*(f"lazy{n}" for n in range(30)), "modest") as (server, *lazy, modest):
         server.create_service(Text, "big", big, concurrency=concurrency)
@@ -162,7 +160,7 @@ async def test_callers_that_never_read_leave_no_more_than_the_bound_unread(
 
         assert 10 * LARGE <= unread_bytes() <= 15 * LARGE
         one = await client_of(modest, "small")
-        assert (await one.call(ask(1))).sum == 1, "small answers go on"
+        assert (await one.call(ask(1))).sum == 1, "small responses are still sent"
         wanting = await client_of(modest, "big", Text)
         late = wanting.call_async(Text.Request())
         await asyncio.sleep(5)
@@ -175,8 +173,8 @@ async def test_callers_that_never_read_leave_no_more_than_the_bound_unread(
         assert not server._transport.backpressure.is_active
 
 
-async def test_questions_wait_too_while_their_answers_are_not_read():
-    """A listing may be long: twenty bytes would buy megabytes."""
+async def test_resolve_requests_wait_while_their_responses_are_unread():
+    """A listing may be long: a request of twenty bytes would cause megabytes of output."""
     async with nodes("lazy") as (server, lazy):
         for n in range(100):
             server.create_service(Add, f"service_with_a_long_name_{n}", add)

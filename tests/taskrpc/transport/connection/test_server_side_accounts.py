@@ -1,4 +1,4 @@
-"""Accounts without sockets: roles, who is shut out, and whose request is whose."""
+"""Accounts without sockets: roles, revoked accounts, and request ids of two accounts."""
 
 import pytest
 
@@ -17,7 +17,7 @@ def in_memory(name, account=None, **options):
 
 @pytest.fixture
 def often(monkeypatch):
-    """The file of accounts is looked at often."""
+    """The server checks the file of accounts often."""
     monkeypatch.setattr(endpoint, "TICK", 0.02)
 
 
@@ -52,8 +52,8 @@ async def test_roles_hold_in_memory_as_they_do_on_sockets():
     assert seen == [("ana", Role.SUBMIT), ("", Role.ADMIN)]
 
 
-async def test_who_is_shut_out_neither_reads_nor_runs_on(file, often):
-    """What runs, waits for its turn, or waits to be read ends at once, whatever the peer does."""
+async def test_calls_and_output_of_a_revoked_account_end_at_once(file, often):
+    """Running and waiting calls and unread output end at once, even if the peer does not close."""
     gate = Gate()
     async with (
         in_memory("server", accounts=file) as server,
@@ -78,7 +78,7 @@ async def test_who_is_shut_out_neither_reads_nor_runs_on(file, often):
         assert all(isinstance(each, taskrpc.TaskRpcError) for each in results)
 
 
-async def test_two_accounts_with_one_request_id_have_a_request_each():
+async def test_same_request_id_of_two_accounts_names_two_requests():
     seen = []
 
     class Store:

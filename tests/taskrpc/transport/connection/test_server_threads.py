@@ -1,4 +1,4 @@
-"""Threads answer calls themselves: at once, whole, and so that the loop knows of it."""
+"""Threads send responses themselves: at once, complete, and counted by the event loop."""
 
 import asyncio
 import contextlib
@@ -30,7 +30,7 @@ def server():
 
 @pytest.fixture
 def taken(server):
-    """Calls, as they come."""
+    """The calls, in the order in which they arrive."""
     taken = []
     server.create_deferred_service(Echo, "echo", taken.append)
     return taken
@@ -58,7 +58,7 @@ async def calls(client, taken, count):
 
 
 def answer_here(call, text):
-    """Answer in this thread, if that can be; whether it could."""
+    """Respond from this thread; returns False where that is impossible."""
     body = call._service.encode(Echo.Response(name=text))
     if not call._call.reply_in_thread(body):
         return False
@@ -68,7 +68,7 @@ def answer_here(call, text):
 
 @contextlib.asynccontextmanager
 async def standing(server):
-    """While the server's event loop does nothing."""
+    """Block the server's event loop."""
     release, busy = threading.Event(), threading.Event()
     server._loop.soon(lambda: (busy.set(), release.wait(300)))
     await asyncio.to_thread(busy.wait)
@@ -78,7 +78,7 @@ async def standing(server):
         release.set()
 
 
-async def test_an_answer_goes_out_while_the_servers_loop_is_busy(server, client, taken):
+async def test_response_is_sent_while_the_servers_loop_is_busy(server, client, taken):
     (future,) = await calls(client, taken, 1)
     async with standing(server):
         await asyncio.to_thread(taken[0].reply, Echo.Response(name="at once"))
@@ -86,7 +86,7 @@ async def test_an_answer_goes_out_while_the_servers_loop_is_busy(server, client,
 
 
 @pytest.mark.parametrize("answers", [1, 3])
-async def test_an_answer_does_not_overtake_what_was_sent_before(server, taken, answers):
+async def test_response_does_not_overtake_earlier_output(server, taken, answers):
     got = []
     async with taskrpc.Node("caller") as node:
         client = node.create_client(Echo, "echo")
@@ -108,7 +108,7 @@ async def test_an_answer_does_not_overtake_what_was_sent_before(server, taken, a
         assert [each.name for each in got] == [str(number) for number in range(answers + 1)]
 
 
-async def test_only_the_first_answer_counts(client, taken):
+async def test_only_the_first_response_is_sent(client, taken):
     (future,) = await calls(client, taken, 1)
     for text in ("first", "second"):
         taken[0].reply(Echo.Response(name=text))
@@ -116,14 +116,14 @@ async def test_only_the_first_answer_counts(client, taken):
     assert (await future).name == "first"
 
 
-async def test_an_answer_that_is_large_goes_by_the_loop(client, taken):
+async def test_event_loop_sends_large_responses(client, taken):
     (future,) = await calls(client, taken, 1)
     assert not answer_here(taken[0], "x" * LARGE)
     taken[0].reply(Echo.Response(name="x" * LARGE))
     assert len((await future).name) == LARGE
 
 
-async def test_a_caller_who_does_not_read_gets_every_answer_whole(server, client, taken):
+async def test_caller_that_does_not_read_gets_every_response_complete(server, client, taken):
     futures = await calls(client, taken, 60)
     sock = served(server).transport.get_extra_info("socket")
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
@@ -139,7 +139,7 @@ async def test_a_caller_who_does_not_read_gets_every_answer_whole(server, client
     assert served(server)._thread_socket.is_whole
 
 
-async def test_an_answer_that_a_thread_began_is_written_before_the_connection_is_closed(
+async def test_response_that_a_thread_began_is_completed_before_the_connection_closes(
     server, client, taken
 ):
     futures = await calls(client, taken, 60)
@@ -167,7 +167,7 @@ async def test_an_answer_that_a_thread_began_is_written_before_the_connection_is
 
 
 class Full:
-    """A socket for which the system has no room at first."""
+    """A socket whose system has no buffer space."""
 
     def __init__(self, sock):
         self._sock = sock
@@ -177,7 +177,7 @@ class Full:
         raise OSError(errno.ENOBUFS, "no room")
 
 
-async def test_an_answer_for_which_the_system_has_no_room_goes_by_the_loop(server, client, taken):
+async def test_event_loop_sends_a_response_that_the_system_did_not_accept(server, client, taken):
     (future,) = await calls(client, taken, 1)
     here = served(server)._thread_socket
     here.open(served(server).transport)
@@ -188,7 +188,7 @@ async def test_an_answer_for_which_the_system_has_no_room_goes_by_the_loop(serve
 
 
 class Exhausted:
-    """A transport of a program that has all the files open that it may."""
+    """A transport of a program that has reached its limit of open files."""
 
     def get_extra_info(self, name):
         return self if name == "socket" else None
@@ -197,7 +197,7 @@ class Exhausted:
         raise OSError(errno.EMFILE, "too many open files")
 
 
-async def test_without_a_descriptor_for_threads_the_loop_answers(server, client, taken):
+async def test_event_loop_responds_without_a_descriptor_for_threads(server, client, taken):
     (future,) = await calls(client, taken, 1)
     here = served(server)._thread_socket
     here.open(Exhausted())
@@ -207,7 +207,7 @@ async def test_without_a_descriptor_for_threads_the_loop_answers(server, client,
     assert (await asyncio.wait_for(future, 60)).name == "x"
 
 
-async def test_threads_and_the_loop_answer_at_the_same_time(server, client, taken):
+async def test_threads_and_the_loop_may_respond_at_the_same_time(server, client, taken):
     chance = random.Random(1)
 
     def answer(call):
@@ -232,7 +232,7 @@ async def test_threads_and_the_loop_answer_at_the_same_time(server, client, take
     assert connection.session.in_flight == connection.session.bytes_in_flight == 0
 
 
-async def test_a_server_that_ends_waits_for_the_answers_of_threads(client, taken, server):
+async def test_drain_waits_for_responses_of_threads(client, taken, server):
     (future,) = await calls(client, taken, 1)
     ending = asyncio.create_task(
         asyncio.to_thread(lambda: server._loop.run(server._node.drain(), "drain()"))
@@ -243,7 +243,7 @@ async def test_a_server_that_ends_waits_for_the_answers_of_threads(client, taken
     await asyncio.wait_for(ending, 60)
 
 
-async def test_an_answer_to_a_caller_who_is_gone_is_dropped(server, taken):
+async def test_response_to_a_lost_caller_is_dropped(server, taken):
     async with taskrpc.Node("caller") as node:
         client = node.create_client(Echo, "echo")
         assert await client.wait_for_service(60)
