@@ -56,6 +56,7 @@ class TaskServer:
 
     def __init__(self, folder, *argv, says=READY):
         self.folder = folder
+        began = time.monotonic()
         self.log = folder / f"server-{time.monotonic_ns()}.log"
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(
@@ -66,6 +67,8 @@ class TaskServer:
                 stderr=log,
             )
         self.wait_until_it_says(says)
+        self.exit_limit = max(2.0, time.monotonic() - began)
+        """Seconds that an exit may take: 2, or as long as the start on a machine that is busy."""
         self.address = self.text.partition(READY)[2].partition("\n")[0]
 
     def wait_until_it_says(self, words):
@@ -133,7 +136,7 @@ def wait_for_line(process, words):
     for line in process.stderr:
         if words in line:
             return
-    pytest.fail(f"the process ended with {process.wait(PATIENCE)} and without a word of {words!r}")
+    pytest.fail(f"the process ended with {process.wait(PATIENCE)} and did not print {words!r}")
 
 
 def wait_until_running(listed):
@@ -327,7 +330,7 @@ def test_server_is_reached_by_its_address(start, task):
     assert task("submit", "report", "dock", "--connect", server.address)[0] == 0
 
 
-# Its life
+# Start, restart and end
 
 
 @POSIX
@@ -338,8 +341,9 @@ def test_restart_keeps_the_queue_and_reports_interrupted_tasks(start, task, list
     wait_until_running(listed)
     code, seconds = first.end()
     assert code == 0
-    assert seconds < 2
-    second = start("--speed", 1)
+    assert seconds < first.exit_limit
+    # The new robot stands at the dock: without the settle time, task 3 might end before the list.
+    second = start("--speed", 1, "--settle", PATIENCE)
     assert "taskrpc-server: resumed 2 queued tasks; task 1 was interrupted" in second.text
     assert "taskrpc task resume 1, requeue 1 or drop 1" in second.text
     assert second.text.index("resumed") < second.text.index(READY)
@@ -358,7 +362,7 @@ def test_killed_server_loses_no_task(start, task, listed):
     task("submit", "move", "station_1", 2)
     wait_until_running(listed)
     first.end(signal.SIGKILL)
-    second = start("--speed", 1)
+    second = start("--speed", 1, "--settle", PATIENCE)
     assert "resumed 1 queued task; task 1 was interrupted" in second.text
     assert ids(listed()) == [2]
 
@@ -376,7 +380,7 @@ def test_watchers_do_not_delay_the_servers_exit(start, tmp_path):
     assert watching.stdout.readline().endswith("the queue is paused\n")
     code, seconds = server.end()
     assert code == 0
-    assert seconds < 2
+    assert seconds < server.exit_limit
     assert "waiting for its next start" in watching.stderr.readline()
     start()
     assert watching.stderr.readline() == "the task server is back\n"
@@ -424,19 +428,53 @@ def test_users_robot_replaces_the_simulated_robot(start, task, tmp_path):
 # The demo
 
 
-def demo(folder, *argv, **variables):
-    return subprocess.run(
-        [sys.executable, "-m", "taskrpc", "demo", *argv],
-        cwd=folder, capture_output=True, timeout=60, check=False, env={**os.environ, **variables},
-    )  # fmt: skip
+# A busy machine lets the demo wait for the processor, and then its timers are late. This clock
+# leaves out that time: it counts the timeouts of `select`, and the processor time of callbacks.
+DEMO_ON_A_BUSY_MACHINE = """
+import asyncio, selectors, sys, time
+from taskrpc.cli.main import main
+
+class Selector(selectors.DefaultSelector):
+    callbacks_began, waited_for_processor = None, 0.0
+
+    def select(self, timeout=None):
+        began = time.monotonic()
+        if self.callbacks_began:
+            wall, cpu = self.callbacks_began
+            self.waited_for_processor += began - wall - (time.thread_time() - cpu)
+        events = super().select(timeout)
+        ended = time.monotonic()
+        if timeout and timeout > 0:
+            self.waited_for_processor += max(0.0, ended - began - timeout)
+        self.callbacks_began = ended, time.thread_time()
+        return events
+
+class Loop(asyncio.SelectorEventLoop):
+    def __init__(self):
+        self.selector = Selector()
+        super().__init__(self.selector)
+
+    def time(self):
+        return super().time() - self.selector.waited_for_processor
+
+def run(main):
+    with asyncio.Runner(loop_factory=Loop) as runner:
+        return runner.run(main)
+
+asyncio.run = run
+sys.exit(main(["demo", *sys.argv[1:]]))
+"""
 
 
 def test_demo_ends_with_right_estimates_beside_a_running_server(start, listed, tmp_path):
     start()
-    ended = demo(tmp_path, "--speed", "20", PYTHONIOENCODING="cp1252")
+    ended = subprocess.run(
+        [sys.executable, "-c", DEMO_ON_A_BUSY_MACHINE, "--speed", "20"],
+        cwd=tmp_path, capture_output=True, timeout=PATIENCE, check=False,
+        env={**os.environ, "PYTHONIOENCODING": "cp1252"},
+    )  # fmt: skip
     out = ended.stdout.decode("cp1252")
     assert (ended.returncode, ended.stderr) == (0, b""), out
-    # At such a speed a busy machine's late timers show; a wrong estimate would end with 1.
     assert re.search(r"Task \d is off most, by [+-]\d+\.\d+ %", out)
     assert "\x1b" not in out
     assert listed("--all") == []
@@ -475,7 +513,7 @@ def test_demo_draws_on_a_terminal_and_restores_it(tmp_path):
         while chunk := os.read(leader, 65536):
             drawn += chunk
     os.close(leader)
-    # 1 where a busy machine was too late for the estimates: they are not what this is about.
+    # The exit code is 1 on a busy machine, whose timers are late; this test is about drawing.
     assert running.wait(PATIENCE) in (0, 1), drawn[-2000:]
     text = drawn.decode()
     before, _, after = text.rpartition("\x1b[?1049l")
