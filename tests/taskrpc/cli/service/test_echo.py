@@ -123,7 +123,7 @@ def test_calls_of_a_task_server_with_introspection_are_echoed(start, capsys):
     told = ("--db", ":memory:", "--introspection", "contents")
     start(*told, command=("-m", "taskrpc.cli.server"))
     call = ["service", "call", "/robot_task/pause", "taskrpc_interfaces/srv/PauseTasks"]
-    assert main(call) == 0  # it waits for the server
+    assert main([*call, "--timeout", "60"]) == 0  # it waits until the server has started
     echo = start("service", "echo", "robot_task/pause", "--csv")
     wait_for_echo("/robot_task/pause", capsys)
     assert main(call) == 0
