@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install test faults soak mutants lint types layers windows check format demo bench clean
+.PHONY: install test faults browser interop soak mutants lint types layers windows check format demo bench clean
 
 install:
 	$(PYTHON) -m venv $(VENV)
@@ -15,6 +15,14 @@ test:
 
 faults:
 	$(BIN)/pytest -m faults
+
+browser:
+	$(BIN)/pip install --quiet --editable '.[dev,browser]'
+	$(BIN)/pytest -m browser
+
+interop:
+	$(BIN)/pip install --quiet --editable '.[dev,interop]'
+	$(BIN)/pytest -m interop
 
 soak:
 	$(BIN)/pytest -m faults --soak

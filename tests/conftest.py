@@ -16,7 +16,9 @@ from srvgen.classes import loader
 from taskrpc.testing import VirtualTimeLoop
 from tests.faults.harness import HAPPENED
 
-PLAIN_RUN = "not faults and not types"
+LEFT_OUT = ("browser", "faults", "interop", "types")
+"""Marks, and the folders of their tests, that the plain run leaves out."""
+PLAIN_RUN = " and ".join(f"not {mark}" for mark in LEFT_OUT)
 """What pyproject.toml leaves out of the plain run."""
 # How long an example takes depends on what else the machine does.
 settings.register_profile("taskrpc", deadline=None)
@@ -55,8 +57,8 @@ def pytest_cmdline_main(config):
 
 def pytest_ignore_collect(collection_path, config):
     """What the plain run leaves out need not be read either, in each of its processes."""
-    left_out = ("faults", "types") if config.option.markexpr == PLAIN_RUN else ()
-    return True if collection_path.name in left_out else None
+    left_out = config.option.markexpr == PLAIN_RUN and collection_path.name in LEFT_OUT
+    return True if left_out else None
 
 
 def pytest_configure():
