@@ -18,11 +18,11 @@ faults:
 
 browser:
 	$(BIN)/pip install --quiet --editable '.[dev,browser]'
-	$(BIN)/pytest -m browser
+	$(BIN)/pytest -m browser tests/browser
 
 interop:
 	$(BIN)/pip install --quiet --editable '.[dev,interop]'
-	$(BIN)/pytest -m interop
+	$(BIN)/pytest -m interop tests/interop
 
 soak:
 	$(BIN)/pytest -m faults --soak

@@ -56,8 +56,13 @@ def pytest_cmdline_main(config):
 
 
 def pytest_ignore_collect(collection_path, config):
-    """What the plain run leaves out need not be read either, in each of its processes."""
-    left_out = config.option.markexpr == PLAIN_RUN and collection_path.name in LEFT_OUT
+    """What the plain run leaves out need not be read either, in each of its processes.
+
+    What needs an extra of its own is read only if `-m` names it.
+    """
+    name, marks = collection_path.name, config.option.markexpr
+    left_out = marks == PLAIN_RUN and name in LEFT_OUT
+    left_out |= name in ("browser", "interop") and name not in marks
     return True if left_out else None
 
 
