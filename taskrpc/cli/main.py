@@ -37,6 +37,7 @@ _GROUPS = {
         "node": "List nodes and what they offer",
         "task": "Submit tasks to the robot and watch them",
         "run": "Run a ROS 2 program without ROS",
+        "bridge": "Connect browsers and other programs without taskrpc",
         "demo": "Watch a task server, three clients and a robot at work",
         "doctor": "Find out why something does not work",
         "ps": "List your taskrpc processes on this machine",

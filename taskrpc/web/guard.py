@@ -8,6 +8,7 @@ of the server's own names, and pages of other servers get no answer.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from urllib.parse import urlsplit
 
 import msgspec
 
@@ -35,7 +36,8 @@ class Refusal(msgspec.Struct, frozen=True):
 class Guard:
     """Accepts requests for one of `names` (each with its port) that have a valid token.
 
-    `may_look` returns whether a bearer token is valid; without it, no token is needed.
+    `may_look` returns whether a bearer token is valid; without it, no token is needed. `origins`
+    are pages that may open a WebSocket, such as `https://lab.example`.
     """
 
     def __init__(
@@ -44,15 +46,20 @@ class Guard:
         *,
         encrypted: bool = False,
         may_look: Callable[[str], bool] | None = None,
+        origins: Iterable[str] = (),
     ) -> None:
         self._scheme = "https" if encrypted else "http"
         usual = ":443" if encrypted else ":80"
         given = {name.lower() for name in names}
         self._names = given | {name.removesuffix(usual) for name in given if name.endswith(usual)}
         self._may_look = may_look
+        self._origins = {origin.lower().rstrip("/") for origin in origins}
 
-    def refusal(self, head: Head) -> Refusal | None:
-        """Return why a request is refused, None if it is accepted."""
+    def refusal(self, head: Head, *, connects: bool = False) -> Refusal | None:
+        """Return why a request is refused, None if it is accepted.
+
+        With `connects`, the request is for a WebSocket, which all pages of this machine may open.
+        """
         if head.method not in ("GET", "HEAD"):
             return Refusal(405, "only GET and HEAD are answered here")
         if len(head.hosts) != 1:
@@ -60,11 +67,16 @@ class Guard:
         host = head.hosts[0].lower()
         if not host or (host not in self._names and host != head.local):
             return Refusal(421, "this server does not have this name; use its address")
-        if any(origin.lower() != f"{self._scheme}://{host}" for origin in head.origins):
+        if not all(self._is_allowed(origin.lower(), host, connects) for origin in head.origins):
             return Refusal(403, "requests from pages of other servers are refused")
         if self._may_look is not None and not self._may_look(_bearer(head.authorizations)):
             return Refusal(401, "expected the server's secret: Authorization: Bearer SECRET")
         return None
+
+    def _is_allowed(self, origin: str, host: str, connects: bool) -> bool:
+        if origin == f"{self._scheme}://{host}":
+            return True
+        return connects and (origin in self._origins or _is_local(origin))
 
 
 def own_names(listened: str, port: int, *, machine: str) -> list[str]:
@@ -80,3 +92,12 @@ def _bearer(authorizations: Sequence[str]) -> str:
         return ""
     scheme, _, token = authorizations[0].partition(" ")
     return token.strip() if scheme.lower() == "bearer" else ""
+
+
+def _is_local(origin: str) -> bool:
+    """Whether a page comes from a server of this machine, at any port."""
+    try:
+        parts = urlsplit(origin)
+        return parts.scheme in ("http", "https") and parts.hostname in LOOPBACK
+    except ValueError:
+        return False

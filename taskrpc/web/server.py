@@ -8,7 +8,7 @@ import json
 import logging
 import socket
 import ssl
-from collections.abc import Awaitable, Callable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Self, TypeAlias, cast
 
 import msgspec
@@ -55,6 +55,10 @@ Pages: TypeAlias = Mapping[str, Callable[[], Awaitable[Page]]]
 """The functions that make the page of each path, such as `/health`."""
 
 
+Upgrade: TypeAlias = Callable[[web.BaseRequest], Awaitable[web.StreamResponse]]
+"""Answers a request for a WebSocket at `/`; it returns when the WebSocket is closed."""
+
+
 def task_pages(server: TaskServer, metrics: Metrics) -> Pages:
     """Return the pages `/health` (503 while no tasks are accepted) and `/metrics`."""
 
@@ -73,7 +77,8 @@ class WebServer:
     """Serves read-only pages: `async with WebServer(pages, listen="127.0.0.1:8080"):`.
 
     All programs of this machine may read them. To listen at any other address, it needs `tls` and
-    `may_look`, which returns whether a bearer token is valid.
+    `may_look`, which returns whether a bearer token is valid. `upgrade` answers requests for a
+    WebSocket at `/`; `origins` are the pages that may open one, besides those of this machine.
     """
 
     def __init__(
@@ -83,10 +88,14 @@ class WebServer:
         listen: str,
         tls: Tls | None = None,
         may_look: Callable[[str], bool] | None = None,
+        upgrade: Upgrade | None = None,
+        origins: Iterable[str] = (),
     ) -> None:
         self.url = ""
         """The address of the pages; "" before the start."""
         self._pages = pages
+        self._upgrade = upgrade
+        self._origins = tuple(origins)
         self._host, self._port = split_place(listen)
         self._tls = ServerTls(tls) if tls is not None and tls.cert is not None else None
         self._may_look = None if is_loopback(self._host) else may_look
@@ -113,7 +122,9 @@ class WebServer:
         names = own_names(self._host, port, machine=socket.gethostname())
         encrypted = self._tls is not None
         self.url = f"http{'s' if encrypted else ''}://{join_place(self._host, port)}"
-        self._guard = Guard(names, encrypted=encrypted, may_look=self._may_look)
+        self._guard = Guard(
+            names, encrypted=encrypted, may_look=self._may_look, origins=self._origins
+        )
         self._server = web.Server(self._answer)
         factory = cast("Factory", self._protocol)
         self._listener = Listener(sock, factory, self._tls_context)
@@ -133,11 +144,15 @@ class WebServer:
         return _Connection(self._server, self._places)
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
-        refusal = self._guard.refusal(_head(request))
+        connects = request.path == "/" and self._upgrade is not None and _is_upgrade(request)
+        refusal = self._guard.refusal(_head(request), connects=connects)
         show = self._pages.get(request.path)
         if refusal is not None:
             log.debug("refused %s: %s", request.remote, refusal.reason)
             page = Page(f"{refusal.reason}\n", status=refusal.status)
+        elif connects and self._upgrade is not None:
+            cast("_Connection", request.protocol).keep()
+            return await self._upgrade(request)
         elif show is None:
             page = Page(f"no such page; there are {', '.join(self._pages)}\n", status=404)
         else:
@@ -152,6 +167,10 @@ async def _shown(path: str, show: Callable[[], Awaitable[Page]]) -> Page:
     except Exception:
         log.exception("the page %s cannot be shown", path)
         return Page("this page cannot be shown; see the server's log\n", status=500)
+
+
+def _is_upgrade(request: web.BaseRequest) -> bool:
+    return request.headers.get("Upgrade", "").lower() == "websocket"
 
 
 def _head(request: web.BaseRequest) -> Head:
@@ -225,6 +244,12 @@ class _Connection(web.RequestHandler):
         # Abort, not close: with close, a peer that does not read would keep its connection.
         self._timer = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, writing.abort)
         self._places.take(self, writing)
+
+    def keep(self) -> None:
+        """Let the connection stay open for long, and do not count it."""
+        self._places.leave(self)
+        if self._timer is not None:
+            self._timer.cancel()
 
     def connection_lost(self, exc: BaseException | None) -> None:
         self._places.leave(self)

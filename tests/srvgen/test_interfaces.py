@@ -18,7 +18,13 @@ HASHES = Path(__file__).with_name("bundled_hashes.txt")
 OURS = {"my_robot_interfaces", "taskrpc_interfaces"}
 """Packages that ROS 2 does not have."""
 
-NOT_PROVEN = {"nav_msgs/msg/Goals"}
+NOT_PROVEN = {
+    "nav_msgs/msg/Goals",
+    "rosapi_msgs/srv/DeleteParam",
+    "rosapi_msgs/srv/GetParam",
+    "rosapi_msgs/srv/Interfaces",
+    "rosapi_msgs/srv/SetParam",
+}
 """Types for which there is no official hash yet."""
 
 FILES = {
@@ -34,6 +40,13 @@ OFFICIAL = dict(
 IN_CORPUS = [
     name for name in FROM_ROS if name not in NOT_PROVEN and not name.startswith("tf2_msgs/")
 ]
+
+OFFICIAL_FILES = (
+    "ros2__",
+    "ros__ros_tutorials@rolling",
+    "RobotWebTools__rosbridge_suite/rosapi_msgs",
+)
+"""The beginnings of the corpus paths of the official definition files."""
 
 # The bundle as a given path: no package of the same name elsewhere can come before it.
 search = Search([BUNDLED])
@@ -100,7 +113,7 @@ def official_outlines() -> dict[str, list[dict[str, list[tuple[object, ...]]]]]:
             official_outline(section) for section in row["spec"].values()
         ]
         for row in map(json.loads, lines)
-        if row["path"].startswith(("ros2__", "ros__ros_tutorials@rolling")) and row.get("spec")
+        if row["path"].startswith(OFFICIAL_FILES) and row.get("spec")
     }
 
 

@@ -1,0 +1,80 @@
+"""`taskrpc bridge`: gateways to programs that do not use taskrpc."""
+
+from __future__ import annotations
+
+import argparse
+import hmac
+import os
+import signal
+import sys
+
+from taskrpc.cli.shared import remote
+from taskrpc.cli.shared.command import Exit, tune_for_long_run
+from taskrpc.cli.shared.parsing import add_command, add_group
+from taskrpc.errors import TaskRpcError
+
+_PLACE = "127.0.0.1:9090"
+_INFO = "This address speaks rosbridge v2: connect to it with a WebSocket, as roslib does.\n"
+_NAME = "rosbridge_websocket"
+"""The name of the node, as in rosbridge_suite."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the gateways."""
+    commands = add_group(parser)
+    rosbridge = add_command(commands, "rosbridge", "Serve browsers that use roslib (rosbridge v2)")
+    add = rosbridge.add_argument
+    what = f"the address for WebSockets ({_PLACE})"
+    add("--listen", metavar="HOST:PORT", type=remote.place, default=_PLACE, help=what)
+    what = "also let pages of this server connect, such as http://lab.local:8000; null for files"
+    add("--allow-origin", metavar="ORIGIN", action="append", default=[], help=what)
+    add("--token-file", metavar="FILE", help="a file with the token that other machines must send")
+    add("--tls-cert", metavar="FILE", help="the certificate of this gateway (PEM)")
+    add("--tls-key", metavar="FILE", help="its key (PEM)")
+    rosbridge.set_defaults(run=_rosbridge, connect=None, tls_ca=None)
+
+
+def _rosbridge(options: argparse.Namespace) -> int:
+    try:
+        import aiohttp  # noqa: F401
+    except ModuleNotFoundError:
+        problem = "taskrpc bridge rosbridge needs aiohttp: pip install aiohttp"
+        raise TaskRpcError(problem) from None
+    access = remote.remote_of(options)
+    token = access.token or os.environ.get("TASKRPC_TOKEN") or ""
+    from taskrpc.program import run
+
+    number = run(_serve(options, access, token))
+    return Exit.INTERRUPTED if number == signal.SIGINT else Exit.DONE
+
+
+async def _serve(options: argparse.Namespace, access: remote.Remote, token: str) -> int:
+    """Serve until the process gets a signal; returns the signal's number."""
+    from taskrpc.node import Node
+    from taskrpc.program import stop_requested
+    from taskrpc.rosbridge.server import RosbridgeServer
+    from taskrpc.web import Page, WebServer
+
+    async def info() -> Page:
+        return Page(_INFO)
+
+    def may_connect(given: str) -> bool:
+        return hmac.compare_digest(given.encode(errors="replace"), token.encode())
+
+    async with stop_requested() as stopped, Node(_NAME, namespace="/") as node:
+        server = RosbridgeServer(node)
+        web = WebServer(
+            {"/": info},
+            listen=options.listen,
+            tls=access.tls,
+            may_look=may_connect if token else None,
+            upgrade=server.handle,
+            origins=options.allow_origin,
+        )
+        async with web:
+            place = web.url.replace("http", "ws", 1)
+            print(f"taskrpc bridge ready: rosbridge at {place}", file=sys.stderr, flush=True)
+            tune_for_long_run()
+            number = await stopped
+            await server.close()
+    return number

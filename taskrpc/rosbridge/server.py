@@ -1,0 +1,138 @@
+"""WebSocket connections of rosbridge clients; the only module here that imports aiohttp."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections import deque
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from taskrpc.node import Node
+from taskrpc.rosbridge import protocol
+from taskrpc.rosbridge.session import Bridge, Session
+
+log = logging.getLogger("taskrpc.rosbridge")
+
+MAX_CLIENTS = 32
+"""Most connected clients; a further one is refused."""
+_RECEIVE_LIMIT = 2 * protocol.MAX_MESSAGE
+"""Bytes of a message above which the connection is closed instead of sending an error status."""
+_BEHIND = 1_000_000
+"""Characters that wait to be sent above which a client gets only the newest message of a topic."""
+_MAX_UNREAD = 64_000_000
+"""Unread bytes above which the connection of a client is closed."""
+_CLOSE_TIMEOUT = 1.0
+"""Seconds for a client to confirm that the connection ends."""
+
+
+class RosbridgeServer:
+    """Speaks rosbridge v2 with the clients that an HTTP server passes to `handle`.
+
+    All clients act with the rights of `node`, so the HTTP server must check who connects.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._bridge = Bridge(node)
+        self._clients: set[_ClientConnection] = set()
+
+    async def handle(self, request: web.BaseRequest) -> web.StreamResponse:
+        """Accept a WebSocket request and serve the client until it leaves.
+
+        The caller has checked the Host and Origin headers and the token. One client too many gets
+        an HTTP error.
+        """
+        if len(self._clients) >= MAX_CLIENTS:
+            return _refusal(503, f"{MAX_CLIENTS} clients are connected, which is the limit")
+        socket = web.WebSocketResponse(
+            timeout=_CLOSE_TIMEOUT,
+            max_msg_size=_RECEIVE_LIMIT,
+            compress=False,  # it would take longer than the call itself
+        )
+        if not socket.can_prepare(request):
+            return _refusal(400, "expected a WebSocket request")
+        await socket.prepare(request)
+        client = _ClientConnection(socket, request, self._bridge)
+        self._clients.add(client)
+        try:
+            await client.serve()
+        finally:
+            self._clients.discard(client)
+        return socket
+
+    async def close(self) -> None:
+        """Close all connections."""
+        await asyncio.gather(*(client.close() for client in list(self._clients)))
+
+
+def _refusal(status: int, reason: str) -> web.Response:
+    return web.Response(text=f"{reason}\n", status=status)
+
+
+class _ClientConnection:
+    """The WebSocket of one client, and the texts that wait to be sent on it."""
+
+    def __init__(
+        self, socket: web.WebSocketResponse, request: web.BaseRequest, bridge: Bridge
+    ) -> None:
+        self._socket = socket
+        self._transport = request.transport
+        self._peer = request.remote or "a client"
+        self._session = Session(bridge, self._send, lambda: self._waiting_size > _BEHIND)
+        self._waiting: deque[str] = deque()
+        self._waiting_size = 0
+        """Characters in `_waiting`."""
+        self._wake = asyncio.Event()
+        """Set while there is something to send."""
+        self._is_ending = False
+
+    async def serve(self) -> None:
+        """Serve the client until the connection ends."""
+        writer = asyncio.ensure_future(self._write())
+        try:
+            async for message in self._socket:
+                if message.type in (WSMsgType.TEXT, WSMsgType.BINARY):
+                    await self._session.receive(message.data)
+        finally:
+            self._is_ending = True
+            self._session.close()
+            writer.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await writer
+
+    async def close(self) -> None:
+        """End the connection."""
+        with contextlib.suppress(ConnectionError):
+            await self._socket.close(code=WSCloseCode.GOING_AWAY, message=b"the server is ending")
+
+    @property
+    def _unread(self) -> int:
+        """Bytes that the client has not read, roughly: texts that wait count in characters."""
+        transport = self._transport
+        written = 0 if transport is None else transport.get_write_buffer_size()
+        return self._waiting_size + written
+
+    def _send(self, text: str) -> None:
+        if self._is_ending:
+            return
+        self._waiting.append(text)
+        self._waiting_size += len(text)
+        self._wake.set()
+        if self._unread > _MAX_UNREAD:
+            log.warning("closed the connection of %s: it does not read its messages", self._peer)
+            self._is_ending = True
+            if self._transport is not None:
+                self._transport.abort()
+
+    async def _write(self) -> None:
+        with contextlib.suppress(ConnectionError):
+            while True:
+                while self._waiting:
+                    text = self._waiting.popleft()
+                    self._waiting_size -= len(text)
+                    await self._socket.send_str(text)
+                self._wake.clear()
+                self._session.drained()
+                if not self._waiting:
+                    await self._wake.wait()

@@ -1,0 +1,297 @@
+"""One client of rosbridge: carries out its operations, and sends what it is to get."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from collections.abc import Callable, Coroutine, Mapping
+from typing import Any, Protocol, TypeAlias
+
+import srvgen
+from taskrpc.client import DEFAULT_TIMEOUT
+from taskrpc.errors import ServerBusy, TaskRpcError
+from taskrpc.node import Node
+from taskrpc.rosbridge import protocol
+from taskrpc.rosbridge.graph import graph_of
+from taskrpc.rosbridge.protocol import BadOperation, Id, Level, Operation
+from taskrpc.rosbridge.rosapi import Rosapi
+from taskrpc.rosbridge.services import OfferedService, ServiceClients
+from taskrpc.rosbridge.topics import ClientPublisher, ClientSubscription
+
+log = logging.getLogger("taskrpc.rosbridge")
+
+MAX_CALLS = 256
+"""Calls of one client that may run at a time; a further one is refused."""
+MAX_TOPICS = 256
+"""Topics that one client may subscribe to, and topics that it may publish on."""
+MAX_SERVICES = 64
+"""Services that one client may offer."""
+_MAX_TIMEOUT = 86_400.0
+"""The longest deadline of a call, in seconds."""
+
+_REFUSALS = (TaskRpcError, srvgen.DefinitionError, srvgen.FieldError)
+"""Errors whose text tells the client what is wrong."""
+
+_Handler: TypeAlias = Callable[[Any], Coroutine[Any, Any, None]]
+
+
+class _Part(Protocol):
+    """A service, subscription or publisher of the client."""
+
+    def close(self) -> None: ...
+
+
+class Bridge:
+    """What all sessions share: the node, its clients of services, and rosapi."""
+
+    def __init__(self, node: Node) -> None:
+        self.node = node
+        self.clients = ServiceClients(node)
+        self.rosapi = Rosapi(node, self.clients)
+
+
+class Session:
+    """Serves one client.
+
+    `send` sends a text to the client and returns at once. `is_behind` returns whether the client
+    has much to read; call `drained` when it has read it. Call `close` at the end.
+    """
+
+    def __init__(
+        self, bridge: Bridge, send: Callable[[str], object], is_behind: Callable[[], bool]
+    ) -> None:
+        self._bridge = bridge
+        self._send_text = send
+        self._is_behind = is_behind
+        self._loop = asyncio.get_running_loop()
+        self._level: Level = "error"
+        """The least severe statuses that the client gets."""
+        self._fragments = protocol.Fragments()
+        self._calls: set[asyncio.Task[None]] = set()
+        # By absolute name:
+        self._subscriptions: dict[str, ClientSubscription] = {}
+        self._publishers: dict[str, ClientPublisher] = {}
+        self._services: dict[str, OfferedService] = {}
+        self._handlers: dict[type[Operation], _Handler] = {
+            protocol.Advertise: self._advertise,
+            protocol.Unadvertise: self._unadvertise,
+            protocol.Publish: self._publish,
+            protocol.Subscribe: self._subscribe,
+            protocol.Unsubscribe: self._unsubscribe,
+            protocol.CallService: self._call_service,
+            protocol.AdvertiseService: self._advertise_service,
+            protocol.UnadvertiseService: self._unadvertise_service,
+            protocol.ServiceResponse: self._service_response,
+            protocol.SetLevel: self._set_level,
+        }
+
+    async def receive(self, text: str | bytes) -> None:
+        """Carry out the operation in a message; the client gets a status if it is wrong.
+
+        Operations take effect in the order of these calls. Calls of services run on their own.
+        """
+        try:
+            operation = protocol.parse(text)
+            if isinstance(operation, protocol.Fragment):
+                whole = self._fragments.add(operation, self._loop.time())
+                if whole is None:
+                    return
+                operation = protocol.parse(whole)
+            handle = self._handlers.get(type(operation))
+            if handle is None:
+                raise BadOperation("fragment: expected an operation, got a fragment", operation.id)
+            await self._handle(operation, handle)
+        except BadOperation as error:
+            self._report("error", str(error), error.id)
+
+    async def _handle(self, operation: Operation, handle: _Handler) -> None:
+        name = operation.__struct_config__.tag
+        try:
+            await handle(operation)
+        except _REFUSALS as error:
+            raise BadOperation(f"{name}: {error}", operation.id) from None
+        except BadOperation:
+            raise
+        except Exception:
+            log.exception("the operation %s of a client failed", name)
+            raise BadOperation(f"{name}: it failed; see the log", operation.id) from None
+
+    def drained(self) -> None:
+        """Continue with the topics, after the client has read what it had got."""
+        for subscription in list(self._subscriptions.values()):
+            subscription.drained()
+
+    def close(self) -> None:
+        """End everything that the client has begun."""
+        for call in list(self._calls):
+            call.cancel()
+        parts: list[_Part] = [*self._services.values(), *self._subscriptions.values()]
+        for part in (*parts, *self._publishers.values()):
+            part.close()
+        self._services.clear()
+        self._subscriptions.clear()
+        self._publishers.clear()
+
+    # Statuses
+
+    def _send(self, operation: Mapping[str, Any]) -> None:
+        self._send_text(protocol.encode(operation))
+
+    def _report(self, level: Level, text: str, name: Id = None) -> None:
+        if protocol.is_wanted(level, self._level):
+            self._send(protocol.status(level, text, name))
+
+    async def _set_level(self, operation: protocol.SetLevel) -> None:
+        self._level = operation.level
+
+    # Services that the client calls
+
+    async def _call_service(self, operation: protocol.CallService) -> None:
+        if len(self._calls) >= MAX_CALLS:
+            problem = f"expected at most {MAX_CALLS} calls at a time"
+            self._failed(operation, ServerBusy(problem))
+            return
+        call = self._loop.create_task(self._called(operation))
+        self._calls.add(call)
+        call.add_done_callback(self._calls.discard)
+
+    async def _called(self, operation: protocol.CallService) -> None:
+        rosapi = self._bridge.rosapi
+        try:
+            if (verb := rosapi.verb_of(operation.service)) is not None:
+                values = await rosapi.call(verb, operation.args)
+            else:
+                timeout = _timeout_of(operation)
+                clients = self._bridge.clients
+                values = await clients.call(operation.service, operation.args, timeout)
+        except _REFUSALS as error:
+            self._failed(operation, error)
+        except Exception as error:
+            log.exception("a call of %s for a client failed", operation.service)
+            self._failed(operation, error)
+        else:
+            self._respond(operation, values, result=True)
+
+    def _failed(self, operation: protocol.CallService, error: Exception) -> None:
+        self._respond(operation, f"{type(error).__name__}: {error}", result=False)
+
+    def _respond(self, operation: protocol.CallService, values: object, *, result: bool) -> None:
+        response: dict[str, Any] = {"op": "service_response", "service": operation.service}
+        if operation.id is not None:
+            response["id"] = operation.id
+        text = protocol.encode({**response, "values": values, "result": result})
+        size = protocol.count_of(operation.fragment_size, 0, 2**31)
+        for part in protocol.split(text, size, f"response:{operation.id}"):
+            self._send_text(part)
+
+    # Services that the client offers
+
+    async def _advertise_service(self, operation: protocol.AdvertiseService) -> None:
+        node = self._bridge.node
+        name = node.resolve_service_name(operation.service)
+        known = self._services.pop(name, None)
+        if known is not None:  # a client that reconnects or reloads offers it again
+            known.close()
+        _check_room(self._services, MAX_SERVICES, "services")
+        self._services[name] = OfferedService(node, operation, self._send)
+
+    async def _unadvertise_service(self, operation: protocol.UnadvertiseService) -> None:
+        name = self._bridge.node.resolve_service_name(operation.service)
+        service = self._services.pop(name, None)
+        if service is None:
+            raise BadOperation(f"unadvertise_service: this client does not offer {name}")
+        service.close()
+
+    async def _service_response(self, operation: protocol.ServiceResponse) -> None:
+        for service in self._services.values():
+            if service.waits_for(operation):
+                service.respond(operation)
+                return
+        # Its caller may have cancelled the call, so this is no mistake of the client.
+        text = f"service_response: no call {operation.id!r} waits for a response"
+        self._report("info", text, operation.id)
+
+    # Topics
+
+    async def _subscribe(self, operation: protocol.Subscribe) -> None:
+        node = self._bridge.node
+        topic = node.resolve_topic_name(operation.topic)
+        if operation.compression not in (None, "", "none"):
+            text = f"subscribe: no compression {operation.compression}; messages are sent as JSON"
+            self._report("warning", text, operation.id)
+        known = self._subscriptions.get(topic)
+        if known is not None:
+            known.add(operation)
+            return
+        _check_room(self._subscriptions, MAX_TOPICS, "subscriptions")
+        graph = await graph_of(node)
+        if not operation.type and not graph.type_of(topic):
+            problem = f"subscribe: no program has the topic {topic}; give its type"
+            raise BadOperation(problem, operation.id)
+        self._subscriptions[topic] = ClientSubscription(
+            node,
+            operation,
+            graph,
+            self._send_text,
+            self._is_behind,
+            lambda reason: self._mismatch("publisher", topic, reason),
+        )
+
+    async def _unsubscribe(self, operation: protocol.Unsubscribe) -> None:
+        topic = self._bridge.node.resolve_topic_name(operation.topic)
+        known = self._subscriptions.get(topic)
+        if known is None:
+            text = f"unsubscribe: this client has no subscription of {topic}"
+            self._report("warning", text, operation.id)
+        elif known.remove(operation.id):
+            self._subscriptions.pop(topic).close()
+
+    async def _advertise(self, operation: protocol.Advertise) -> None:
+        node = self._bridge.node
+        topic = node.resolve_topic_name(operation.topic)
+        known = self._publishers.get(topic)
+        if known is not None:
+            known.add(operation)
+            return
+        _check_room(self._publishers, MAX_TOPICS, "publishers")
+        self._publishers[topic] = ClientPublisher(
+            node,
+            operation,
+            await graph_of(node),
+            lambda reason: self._mismatch("subscription", topic, reason),
+        )
+
+    async def _unadvertise(self, operation: protocol.Unadvertise) -> None:
+        topic = self._bridge.node.resolve_topic_name(operation.topic)
+        known = self._publishers.get(topic)
+        if known is None:
+            text = f"unadvertise: this client does not advertise {topic}"
+            self._report("warning", text, operation.id)
+        elif known.remove(operation.id):
+            self._publishers.pop(topic).close()
+
+    async def _publish(self, operation: protocol.Publish) -> None:
+        topic = self._bridge.node.resolve_topic_name(operation.topic)
+        if topic not in self._publishers:
+            type_name = (await graph_of(self._bridge.node)).type_of(topic)
+            if not type_name:
+                problem = f"publish: the type of {topic} is unknown; advertise it first"
+                raise BadOperation(problem, operation.id)
+            await self._advertise(protocol.Advertise(topic=operation.topic, type=type_name))
+        self._publishers[topic].publish(operation.msg, divmod(time.time_ns(), 10**9))
+
+    def _mismatch(self, other: str, topic: str, reason: str) -> None:
+        text = f"a {other} of {topic} does not match this client's: {reason.lower()}"
+        self._report("error" if reason == "TYPE" else "warning", text)
+
+
+def _timeout_of(operation: protocol.CallService) -> float | None:
+    if operation.timeout is None:
+        return DEFAULT_TIMEOUT
+    return float(min(operation.timeout, _MAX_TIMEOUT)) if operation.timeout > 0 else None
+
+
+def _check_room(found: Mapping[str, object], most: int, what: str) -> None:
+    if len(found) >= most:
+        raise ServerBusy(f"expected at most {most} {what} of one client")

@@ -1,0 +1,176 @@
+"""rosbridge over real WebSockets: who may connect, huge messages, clients that do not read."""
+
+import asyncio
+import json
+
+import aiohttp
+import pytest
+
+import srvgen
+import taskrpc
+from taskrpc.rosbridge import protocol, server
+from taskrpc.rosbridge.server import RosbridgeServer
+from taskrpc.web import Page, WebServer
+
+pytestmark = pytest.mark.real_time
+
+TEXT = srvgen.load("std_msgs/msg/String")
+TRIGGER = srvgen.load("std_srvs/srv/Trigger")
+ORIGIN = "https://lab.example:8443"
+
+
+async def hello():
+    return Page("hello\n")
+
+
+@pytest.fixture
+async def web():
+    async with taskrpc.Node("bridge", transport="memory") as node:
+        rosbridge = RosbridgeServer(node)
+        pages = {"/": hello}
+        upgrade = rosbridge.handle
+        web = WebServer(pages, listen="127.0.0.1:0", upgrade=upgrade, origins=[ORIGIN])
+        async with web:
+            yield web
+            await rosbridge.close()
+
+
+@pytest.fixture
+async def http():
+    async with aiohttp.ClientSession() as session:
+        yield session
+
+
+async def call(socket, service):
+    await socket.send_json({"op": "call_service", "service": service})
+    return await asyncio.wait_for(socket.receive_json(), 60)
+
+
+async def test_page_and_websocket_share_an_address(web, http):
+    async with http.get(web.url) as response:
+        assert await response.text() == "hello\n"
+    async with http.ws_connect(web.url) as socket:
+        assert (await call(socket, "/rosapi/nodes"))["values"] == {"nodes": ["/bridge"]}
+
+
+async def test_operation_in_a_binary_message_is_understood(web, http):
+    async with http.ws_connect(web.url) as socket:
+        await socket.send_bytes(b'{"op": "call_service", "service": "/rosapi/nodes"}')
+        assert (await socket.receive_json())["result"] is True
+
+
+async def flood(socket, service):
+    while True:
+        await socket.send_json({"op": "call_service", "service": service})
+        await asyncio.sleep(0.001)
+
+
+@pytest.mark.parametrize(
+    ("origin", "accepted"),
+    [
+        ("http://localhost:8000", True),
+        ("http://127.0.0.1:5173", True),
+        (ORIGIN, True),
+        ("https://lab.example", False),
+        ("http://evil.example", False),
+        ("null", False),
+        ("http://localhost.evil.example", False),
+    ],
+)
+async def test_pages_of_other_machines_may_not_connect(web, http, origin, accepted):
+    if accepted:
+        async with http.ws_connect(web.url, headers={"Origin": origin}) as socket:
+            assert (await call(socket, "/rosapi/nodes"))["result"] is True
+    else:
+        with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+            await http.ws_connect(web.url, headers={"Origin": origin})
+
+
+async def test_websocket_under_another_host_name_is_refused(web, http):
+    with pytest.raises(aiohttp.WSServerHandshakeError, match="421"):
+        await http.ws_connect(web.url, headers={"Host": "evil.example"})
+
+
+async def test_request_without_a_key_is_no_websocket(web, http):
+    async with http.get(web.url, headers={"Upgrade": "websocket"}) as response:
+        assert response.status == 400
+
+
+async def test_long_message_gets_an_error_and_a_huge_one_ends_only_its_connection(
+    web, http, monkeypatch
+):
+    monkeypatch.setattr(protocol, "MAX_MESSAGE", 100_000)
+    monkeypatch.setattr(server, "_RECEIVE_LIMIT", 200_000)
+    async with http.ws_connect(web.url) as other, http.ws_connect(web.url) as socket:
+        await socket.send_str("x" * 150_000)
+        status = await asyncio.wait_for(socket.receive_json(), 60)
+        assert status["msg"] == "expected at most 100000 bytes, got 150000"
+        assert (await call(socket, "/rosapi/nodes"))["result"] is True
+        await socket.send_str("x" * 250_000)
+        assert (await asyncio.wait_for(socket.receive(), 60)).type is aiohttp.WSMsgType.CLOSE
+        assert socket.close_code == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+        assert (await call(other, "/rosapi/nodes"))["result"] is True
+
+
+async def test_one_client_too_many_is_refused(web, http, monkeypatch):
+    monkeypatch.setattr(server, "MAX_CLIENTS", 1)
+    async with http.ws_connect(web.url) as socket:
+        await call(socket, "/rosapi/nodes")
+        with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
+            await http.ws_connect(web.url)
+
+
+async def test_client_that_does_not_read_loses_only_its_own_connection(
+    web, http, monkeypatch, caplog
+):
+    monkeypatch.setattr(server, "_MAX_UNREAD", 1_000_000)
+
+    def tell(request, response):
+        response.message = "x" * 100_000
+        return response
+
+    async with taskrpc.Node("program", transport="memory") as node:
+        node.create_service(TRIGGER, "/tell", tell)
+        async with http.ws_connect(web.url) as other, http.ws_connect(web.url) as slow:
+            slow._conn.transport.pause_reading()
+            with pytest.raises(ConnectionError):
+                await flood(slow, "/tell")
+            assert (await call(other, "/tell"))["result"] is True
+    assert "it does not read its messages" in caplog.text
+
+
+async def test_slow_subscriber_gets_the_newest_message_when_it_reads_again(web, http, monkeypatch):
+    monkeypatch.setattr(server, "_BEHIND", 100_000)
+    async with taskrpc.Node("program", transport="memory") as node:
+        publisher = node.create_publisher(TEXT, "/chatter", 1000)
+        async with http.ws_connect(web.url) as socket:
+            await socket.send_json({"op": "subscribe", "topic": "/chatter"})
+            while not publisher.get_subscription_count():
+                await asyncio.sleep(0.01)
+            socket._conn.transport.pause_reading()
+            for number in range(300):
+                publisher.publish(TEXT(data=f"{number} {'x' * 100_000}"))
+                await asyncio.sleep(0)
+            socket._conn.transport.resume_reading()
+            last = ""
+            while not last.startswith("299 "):
+                last = (await asyncio.wait_for(socket.receive_json(), 60))["msg"]["data"]
+
+
+async def test_end_of_the_server_closes_the_connections(http):
+    async with taskrpc.Node("bridge", transport="memory") as node:
+        rosbridge = RosbridgeServer(node)
+        async with WebServer({}, listen="127.0.0.1:0", upgrade=rosbridge.handle) as web:
+            socket = await http.ws_connect(web.url)
+            await call(socket, "/rosapi/nodes")
+            ending = asyncio.ensure_future(rosbridge.close())
+            assert (await asyncio.wait_for(socket.receive(), 60)).type is aiohttp.WSMsgType.CLOSE
+            await asyncio.wait_for(ending, 60)
+            assert socket.close_code == aiohttp.WSCloseCode.GOING_AWAY
+
+
+async def test_text_of_any_client_is_valid_json(web, http):
+    async with http.ws_connect(web.url) as socket:
+        await socket.send_str('{"op": "\\u2028", "id": "\\u2028"}')
+        received = await socket.receive()
+        assert json.loads(received.data)["id"] == "\u2028"

@@ -1,0 +1,196 @@
+"""One client's operations: statuses, calls, order, and the end of the session."""
+
+import asyncio
+import json
+
+import pytest
+
+import srvgen
+from taskrpc.rosbridge import session
+from tests.taskrpc.rosbridge.clients import connected
+
+ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
+TRIGGER = srvgen.load("std_srvs/srv/Trigger")
+
+
+def add(request, response):
+    response.sum = request.a + request.b
+    return response
+
+
+async def never(request, response):
+    await asyncio.Event().wait()
+
+
+async def test_call_returns_the_response_with_id_and_name_as_given():
+    async with connected() as (node, client):
+        node.create_service(ADD, "/add", add)
+        assert await client.call("add", {"a": 1, "b": 2}) == {
+            "op": "service_response",
+            "id": "call",
+            "service": "add",
+            "values": {"sum": 3},
+            "result": True,
+        }
+        await client.send("call_service", service="/add", args=[5])
+        assert await client.next() == {
+            "op": "service_response",
+            "service": "/add",
+            "values": {"sum": 5},
+            "result": True,
+        }
+
+
+async def test_failed_call_has_a_text_instead_of_values():
+    def broken(request, response):
+        raise RuntimeError("secret")
+
+    async with connected() as (node, client):
+        node.create_service(TRIGGER, "/broken", broken)
+        node.create_service(ADD, "/add", add)
+        for service, args, problem in (
+            ("/nothing", None, "ServiceUnavailable: no server offers /nothing"),
+            ("/add", {"a": "x"}, "FieldError: a: expected int64, got 'x' (str)"),
+            ("/a b", None, "InvalidName: "),
+            ("/broken", None, "HandlerFailed: the handler failed"),
+        ):
+            response = await client.call(service, args)
+            assert response["result"] is False
+            assert response["values"].startswith(problem)
+
+
+async def test_call_ends_at_its_timeout_and_the_handler_is_cancelled():
+    cancelled = asyncio.Event()
+
+    async def slow(request, response):
+        try:
+            await never(request, response)
+        finally:
+            cancelled.set()
+
+    async with connected() as (node, client):
+        node.create_service(TRIGGER, "/slow", slow)
+        began = asyncio.get_running_loop().time()
+        response = await client.call("/slow", timeout=0.5)
+        assert response["values"].startswith("DeadlineExceeded: ")
+        assert asyncio.get_running_loop().time() - began == pytest.approx(0.5, abs=0.1)
+        await asyncio.wait_for(cancelled.wait(), 5)
+
+
+@pytest.mark.parametrize(("timeout", "expected"), [(None, 10.0), (0, 100.0), (-1, 100.0)])
+async def test_call_without_a_timeout_has_the_default_and_zero_means_no_deadline(timeout, expected):
+    async def slow(request, response):
+        await asyncio.sleep(100)
+        return response
+
+    async with connected() as (node, client):
+        node.create_service(TRIGGER, "/slow", slow)
+        began = asyncio.get_running_loop().time()
+        await client.call("/slow", timeout=timeout)
+        assert asyncio.get_running_loop().time() - began == pytest.approx(expected, abs=0.2)
+
+
+async def test_slow_call_holds_up_no_other_operation():
+    async with connected() as (node, client):
+        node.create_service(TRIGGER, "/slow", never)
+        node.create_service(ADD, "/add", add)
+        await client.send("call_service", id="slow", service="/slow")
+        assert (await client.call("/add", [1, 1]))["id"] == "call"
+
+
+async def test_one_client_has_a_limited_number_of_calls_and_others_are_served(monkeypatch):
+    monkeypatch.setattr(session, "MAX_CALLS", 2)
+    async with connected(2) as (node, greedy, other):
+        node.create_service(TRIGGER, "/slow", never)
+        node.create_service(ADD, "/add", add)
+        for _ in range(3):
+            await greedy.send("call_service", service="/slow")
+        response = await greedy.next()
+        assert response["values"] == "ServerBusy: expected at most 2 calls at a time"
+        assert (await other.call("/add", [1, 1]))["result"] is True
+
+
+async def test_closed_session_cancels_its_calls():
+    cancelled = asyncio.Event()
+
+    async def slow(request, response):
+        try:
+            await never(request, response)
+        finally:
+            cancelled.set()
+
+    async with connected() as (node, client):
+        node.create_service(TRIGGER, "/slow", slow)
+        await client.send("call_service", service="/slow")
+        await asyncio.sleep(1)
+        client.session.close()
+        await asyncio.wait_for(cancelled.wait(), 5)
+        assert client.sent == []
+
+
+async def test_service_with_a_new_definition_is_called_with_it():
+    async with connected() as (node, client):
+        first = node.create_service(ADD, "/x", add)
+        assert (await client.call("/x", [1, 1]))["result"] is True
+        first.destroy()
+        node.create_service(TRIGGER, "/x", lambda request, response: response)
+        assert (await client.call("/x"))["values"] == {"success": False, "message": ""}
+
+
+async def test_wrong_operation_gets_an_error_status_and_the_session_goes_on():
+    async with connected() as (node, client):
+        node.create_service(ADD, "/add", add)
+        for text in ("{", "[]", '{"op": "fly", "id": 1}', '{"op": "publish", "topic": "/x"}'):
+            await client.session.receive(text)
+            found = await client.next()
+            assert (found["op"], found["level"]) == ("status", "error")
+        assert (await client.call("/add", [1, 1]))["result"] is True
+
+
+async def test_unexpected_error_is_logged_and_told_without_details(monkeypatch, caplog):
+    async def broken(node):
+        raise RuntimeError("secret")
+
+    monkeypatch.setattr(session, "graph_of", broken)
+    async with connected() as (_, client):
+        await client.send("subscribe", topic="/x", type="std_msgs/String", id="s")
+        found = await client.next()
+        assert found["msg"] == "subscribe: it failed; see the log"
+        assert found["id"] == "s"
+    assert "RuntimeError: secret" in caplog.text
+
+
+async def test_level_decides_which_statuses_are_sent():
+    async with connected() as (_, client):
+        await client.send("unsubscribe", topic="/x")
+        await client.send("set_level", level="warning")
+        await client.send("unsubscribe", topic="/x")
+        await client.send("set_level", level="none")
+        await client.session.receive("{")
+        assert [(each["level"], each["msg"]) for each in client.sent] == [
+            ("warning", "unsubscribe: this client has no subscription of /x")
+        ]
+
+
+async def test_operation_in_fragments_is_carried_out():
+    async with connected() as (node, client):
+        node.create_service(ADD, "/add", add)
+        text = json.dumps({"op": "call_service", "service": "/add", "args": {"a": 1, "b": 2}})
+        for num, part in enumerate((text[:20], text[20:])):
+            await client.send("fragment", id="f", data=part, num=num, total=2)
+        assert (await client.next())["values"] == {"sum": 3}
+        inner = json.dumps({"op": "fragment", "id": "g", "data": "", "num": 0, "total": 1})
+        await client.send("fragment", id="f", data=inner, num=0, total=1)
+        assert "got a fragment" in (await client.next())["msg"]
+
+
+async def test_long_response_is_sent_in_fragments():
+    def tell(request, response):
+        response.message = "x" * 500
+        return response
+
+    async with connected() as (node, client):
+        node.create_service(TRIGGER, "/tell", tell)
+        await client.send("call_service", service="/tell", fragment_size=200)
+        await client.next(op="fragment", num=0)
+        await client.next(op="fragment", num=2, total=3)
