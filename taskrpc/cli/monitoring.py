@@ -10,6 +10,7 @@ from taskrpc.cli.shared.remote import Remote
 from taskrpc.errors import TaskRpcError
 from taskrpc.metrics import Metrics
 from taskrpc.metrics.tasks import MeasuredStore, task_families
+from taskrpc.node import Node
 from taskrpc.security.accounts import AccountSource
 from taskrpc.security.listen_policy import check_listen_policy
 from taskrpc.security.roles import account_of
@@ -18,6 +19,7 @@ from taskrpc.tasks.records.store import TaskStore
 from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
 
 try:
+    from taskrpc.rosbridge.server import RosbridgeServer
     from taskrpc.web import WebServer, task_pages
 except ModuleNotFoundError as error:
     if error.name and error.name.startswith("taskrpc"):
@@ -41,24 +43,36 @@ class Monitoring:
         self.metrics.add(measured.families)
         return measured
 
-    def web(self, server: TaskServer) -> WebServer:
-        """Return the web server with the pages of a task server. Raises CannotListen."""
+    def web(self, server: TaskServer, node: Node) -> WebServer:
+        """Return the web server of a task server and its node. Raises CannotListen."""
         self.metrics.add(lambda: task_families(server.manager))
         pages = task_pages(server, self.metrics)
         has_secrets = self._token or self._accounts is not None
         may_look = self._may_look if has_secrets else None
-        web = WebServer(pages, listen=self._place, tls=self._tls, may_look=may_look)
+        rosbridge = RosbridgeServer(node, may_connect=self._is_own_token)
+        web = WebServer(
+            pages,
+            listen=self._place,
+            tls=self._tls,
+            may_look=may_look,
+            upgrade=rosbridge.handle,
+        )
         host, _ = split_place(self._place)
         if not is_loopback(host):
             known = self._accounts.current if self._accounts is not None else None
             check_listen_policy(host, certificate=True, token=self._token, accounts=known, ca=False)
         return web
 
+    def _is_own_token(self, given: str) -> bool:
+        """Whether a bearer token is the server's own."""
+        own = self._token.encode()
+        return bool(own) and hmac.compare_digest(given.encode(errors="replace"), own)
+
     def _may_look(self, given: str) -> bool:
         """Whether a bearer token is the server's or an account's; both may see the pages."""
-        token = given.encode(errors="replace")
-        if self._token and hmac.compare_digest(token, self._token.encode()):
+        if self._is_own_token(given):
             return True
+        token = given.encode(errors="replace")
         if self._accounts is None:
             return False
         self._accounts.refresh()

@@ -107,7 +107,7 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--introspection", choices=["off", "metadata", "contents"], default="off", help=events)
     found = "when to give up on a silent peer: `default` (8 s) or `robot` (2 s)"
     add("--keepalive", choices=["default", "robot"], help=found)
-    web = "also serve /health and /metrics there over HTTP"
+    web = "also serve /health and /metrics there over HTTP, and rosbridge for browsers"
     add("--web", metavar="HOST:PORT", type=remote.place, help=web)
     levels = ["debug", "info", "warning", "error"]
     add("--log-level", choices=levels, default="info", help="what to log to stderr (info)")
@@ -180,7 +180,7 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
             introspection=options.introspection,
         )
         if monitoring is not None:  # before the start, so that monitors can watch a slow start
-            pages = monitoring.web(server)
+            pages = monitoring.web(server, node)
             web = await started(lambda: stack.enter_async_context(pages))
             _say(options, f"/health and /metrics at {web.url}")
         resumed = await started(lambda: server.start(fresh=options.fresh))

@@ -12,6 +12,7 @@ import os
 import re
 import time
 from collections.abc import Awaitable, Callable, Iterator
+from functools import cache
 from typing import Any, NamedTuple, TypeAlias
 
 import srvgen
@@ -113,7 +114,7 @@ class Rosapi:
         Raises TaskRpcError, FieldError, DefinitionError.
         """
         type_name, answer = self._verbs[verb]
-        cls = srvgen.load(type_name)
+        cls = _bundled(type_name)
         request = request_from_json(cls.Request, args)
         response = to_json(cls.Response(**await answer(request)))
         if verb == "get_time":  # roslibpy reads the names that ROS 1 had
@@ -304,11 +305,17 @@ class Rosapi:
 
     async def _get_time(self, _: Any) -> _Fields:
         seconds, nanoseconds = divmod(time.time_ns(), 10**9)
-        stamp = srvgen.load("builtin_interfaces/msg/Time")(sec=seconds, nanosec=nanoseconds)
+        stamp = _bundled("builtin_interfaces/msg/Time")(sec=seconds, nanosec=nanoseconds)
         return {"time": stamp}
 
     async def _get_ros_version(self, _: Any) -> _Fields:
         return {"version": 2, "distro": os.environ.get("ROS_DISTRO", "")}
+
+
+@cache
+def _bundled(type_name: str) -> Any:
+    """Return a class that comes with srvgen; loading it each time would look at its files."""
+    return srvgen.load(type_name)
 
 
 def _full_text(type_name: str) -> str:
@@ -320,7 +327,7 @@ def _full_text(type_name: str) -> str:
 
 def _type_definitions(cls: Any) -> Iterator[Any]:
     """Yield a `TypeDef` for a message class, then for each class inside it, each once."""
-    typedef = srvgen.load("rosapi_msgs/msg/TypeDef")
+    typedef = _bundled("rosapi_msgs/msg/TypeDef")
     waiting, seen = [cls], {cls._TYPE}
     while waiting:
         present = waiting.pop(0)

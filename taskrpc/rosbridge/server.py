@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import logging
 from collections import deque
+from collections.abc import Callable
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
@@ -30,11 +31,14 @@ _CLOSE_TIMEOUT = 1.0
 class RosbridgeServer:
     """Speaks rosbridge v2 with the clients that an HTTP server passes to `handle`.
 
-    All clients act with the rights of `node`, so the HTTP server must check who connects.
+    All clients act with the rights of `node`, so the HTTP server must check who connects. A client
+    that sends a bearer token must send one for which `may_connect` returns True: accounts may see
+    pages, but must not get the rights of the node.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: Node, *, may_connect: Callable[[str], bool] | None = None) -> None:
         self._bridge = Bridge(node)
+        self._may_connect = may_connect
         self._clients: set[_ClientConnection] = set()
 
     async def handle(self, request: web.BaseRequest) -> web.StreamResponse:
@@ -43,6 +47,10 @@ class RosbridgeServer:
         The caller has checked the Host and Origin headers and the token. One client too many gets
         an HTTP error.
         """
+        for given in request.headers.getall("Authorization", ()):
+            token = given.partition(" ")[2].strip()
+            if self._may_connect is not None and not self._may_connect(token):
+                return _refusal(403, "expected the server's own token; rosbridge has no accounts")
         if len(self._clients) >= MAX_CLIENTS:
             return _refusal(503, f"{MAX_CLIENTS} clients are connected, which is the limit")
         socket = web.WebSocketResponse(

@@ -94,13 +94,13 @@ async def test_weak_token_beyond_this_machine_is_refused(tls):
         server = TaskServer(node, LineRobot(), FullStore())
         watch = Monitoring("0.0.0.0:0", Remote(tls=tls, token="short"), None)
         with pytest.raises(taskrpc.CannotListen, match="the token has 5 characters"):
-            watch.web(server)
-        Monitoring("0.0.0.0:0", Remote(tls=tls, token=SECRET), None).web(server)
-        Monitoring("127.0.0.1:0", Remote(token="short"), None).web(server)
+            watch.web(server, node)
+        Monitoring("0.0.0.0:0", Remote(tls=tls, token=SECRET), None).web(server, node)
+        Monitoring("127.0.0.1:0", Remote(token="short"), None).web(server, node)
 
 
 async def test_missing_token_and_accounts_beyond_this_machine_are_refused(tls):
     async with taskrpc.Node("task_server", transport="memory") as node:
         server = TaskServer(node, LineRobot(), FullStore())
         with pytest.raises(taskrpc.CannotListen, match=r"a certificate \(tls\) and a token"):
-            Monitoring("0.0.0.0:0", Remote(tls=tls), None).web(server)
+            Monitoring("0.0.0.0:0", Remote(tls=tls), None).web(server, node)

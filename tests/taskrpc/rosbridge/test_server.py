@@ -174,3 +174,17 @@ async def test_text_of_any_client_is_valid_json(web, http):
         await socket.send_str('{"op": "\\u2028", "id": "\\u2028"}')
         received = await socket.receive()
         assert json.loads(received.data)["id"] == "\u2028"
+
+
+@pytest.mark.parametrize(("token", "accepted"), [("own", True), ("of an account", False)])
+async def test_token_of_an_account_does_not_give_the_rights_of_the_node(http, token, accepted):
+    async with taskrpc.Node("bridge", transport="memory") as node:
+        rosbridge = RosbridgeServer(node, may_connect=lambda given: given == "own")
+        async with WebServer({}, listen="127.0.0.1:0", upgrade=rosbridge.handle) as web:
+            headers = {"Authorization": f"Bearer {token}"}
+            if accepted:
+                async with http.ws_connect(web.url, headers=headers) as socket:
+                    assert (await call(socket, "/rosapi/nodes"))["result"] is True
+            else:
+                with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+                    await http.ws_connect(web.url, headers=headers)
