@@ -41,6 +41,7 @@ NOT_RUN = {
     "docs/how-to/run-ros-programs.md": 1,
     "docs/how-to/paste-ros2-lines.md": 2,
     "docs/how-to/take-a-program-to-a-robot.md": 1,
+    "docs/how-to/use-rosbridge.md": 2,
 }
 """Blocks that a test cannot run (virtual environments, other machines), counted for each page."""
 
