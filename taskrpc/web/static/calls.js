@@ -1,0 +1,249 @@
+// Draws the calls live: one lane a client, then the server, the queue and the robot; time goes right.
+
+import { byId, drawn, element, setAttribute, setText } from "./dom.js";
+import { Lanes } from "./lanes.js";
+import { callText, meaning, milliseconds, plural, taskText } from "./words.js";
+
+const WINDOW = 10; // seconds that the track shows
+const REBASE = 10; // seconds until the drawing starts again at a new origin
+const BAR = 3; // pixels, the least length of a call
+const LONG = 0.1; // seconds; a longer call is drawn as a thin bar, or it would hide the others
+const QUIET = 40; // calls/s above which only notable calls have a line to the server
+const NEAR = 8; // pixels around a call that still count as the call
+
+/** Return whether a call deserves more than a plain mark. */
+const isNotable = (call) => call.state !== "ok" || call.attempt > 1 || call.repeated;
+
+const tone = (call) => (call.state === "error" ? "bad" : call.state === "open" ? "warn" : call.repeated ? "violet" : "good");
+
+export class CallsView {
+  constructor(model) {
+    this.model = model;
+    this.root = byId("calls");
+    this.empty = element("div", { class: "empty", id: "calls_empty" }, "No call in the last seconds. Each call appears here: from its client to the server, the queue and the robot.");
+    this.lanes = new Lanes(this.root, "Calls of the last ten seconds; the tab List shows them as a table");
+    this.root.append(this.empty);
+    this.bars = drawn("g");
+    this.work = drawn("g");
+    this.moving = drawn("svg", { class: "moving", "aria-hidden": "true" }, this.bars, this.work);
+    this.lanes.track.append(this.moving);
+    this.tooltip = byId("tooltip");
+    this.origin = 0;
+    this.open = new Map(); // id of an open call -> its mark
+    this.latest = new Map(); // client -> its newest call
+    this.lanes.track.addEventListener("pointermove", (event) => this.point(event));
+    this.lanes.track.addEventListener("pointerleave", () => (this.tooltip.hidden = true));
+    new ResizeObserver(() => this.resize()).observe(this.root);
+  }
+
+  get isShown() {
+    return !this.root.hidden && !this.stopped;
+  }
+
+  resize() {
+    const { track } = this.lanes;
+    if (this.lanes.resize(track.clientWidth, this.root.clientHeight)) this.redraw();
+  }
+
+  x(t) {
+    return (t - this.origin) * this.pixels;
+  }
+
+  /** Draw all known calls again: after a change of size, of lanes or of origin. */
+  redraw() {
+    if (!this.lanes.ready) return;
+    this.pixels = this.lanes.width / WINDOW;
+    this.origin = this.model.now() - WINDOW;
+    this.moving.setAttribute("width", this.lanes.width * 2);
+    this.moving.setAttribute("height", this.lanes.height);
+    this.bars.replaceChildren();
+    this.open.clear();
+    this.labels = new Map(); // client -> x of the end of its newest label
+    this.revision = this.lanes.revision;
+    this.drawTasks();
+    this.add([...this.model.calls.values()].filter((call) => call.begin + (call.ms ?? 1e6) / 1000 > this.origin));
+  }
+
+  update(changed) {
+    if (changed.has("reset")) {
+      this.lanes.clear();
+      this.latest.clear();
+    }
+    if (changed.has("calls")) {
+      for (const call of this.model.new_calls) {
+        this.lanes.see(call.client, call.begin + (call.ms ?? 0) / 1000);
+        this.latest.set(call.client, call);
+      }
+      if (this.latest.size > 300) this.latest.clear();
+    }
+    if (!this.isShown || !this.lanes.ready) return;
+    if (changed.has("reset") || this.revision !== this.lanes.revision) this.redraw();
+    else {
+      if (changed.has("calls")) this.add(this.model.new_calls);
+      if (changed.has("tasks")) this.drawTasks();
+    }
+    if (changed.has("calls") || changed.has("tasks")) this.showLatest();
+  }
+
+  /** Add calls to the drawing; plain ones share one path, so that hundreds a second are cheap. */
+  add(calls) {
+    const plain = [];
+    const long = [];
+    const links = [];
+    const queued = [];
+    for (const call of calls) {
+      this.open.get(call.id)?.remove();
+      this.open.delete(call.id);
+      const x = this.x(call.begin);
+      const y = this.lanes.y(call.client);
+      const length = call.ms == null ? this.lanes.width * 2 : Math.max(BAR, (call.ms / 1000) * this.pixels);
+      if (isNotable(call)) this.addNotable(call, x, y, length);
+      else {
+        if (call.ms > LONG * 1000) long.push(`M${x.toFixed(1)} ${y}h${length.toFixed(1)}`);
+        plain.push(`M${(call.ms > LONG * 1000 ? x + length - BAR : x).toFixed(1)} ${y}h${(call.ms > LONG * 1000 ? BAR : length).toFixed(1)}`);
+        if ((this.model.stats.per_second ?? 0) < QUIET) links.push(`M${x.toFixed(1)} ${y}V${this.lanes.server}`);
+      }
+      if (this.isSubmission(call)) queued.push(drawn("path", { class: "submission", d: `M${x.toFixed(1)} ${y}V${this.lanes.queue}` }), drawn("circle", { class: "queued", cx: x, cy: this.lanes.queue, r: this.lanes.rem / 4 }));
+    }
+    const end = calls.length ? Math.max(...calls.map((call) => call.begin + (call.ms ?? 0) / 1000)) : 0;
+    const batch = drawn("g", { "data-end": end });
+    if (links.length) batch.append(drawn("path", { class: "link", d: links.join("") }));
+    if (long.length) batch.append(drawn("path", { class: "long", d: long.join("") }));
+    if (plain.length) batch.append(drawn("path", { class: "plain", d: plain.join("") }));
+    batch.append(...queued);
+    if (batch.children.length) this.bars.append(batch);
+  }
+
+  isSubmission(call) {
+    return call.task_id != null && call.state === "ok" && !call.repeated && call.service === this.model.hello?.server.service;
+  }
+
+  addNotable(call, x, y, length) {
+    const thick = this.lanes.rem * 0.625;
+    const mark = drawn("g", { class: "notable", "data-tone": tone(call), "data-call": call.id, "data-end": call.ms == null ? Infinity : call.begin + call.ms / 1000 });
+    mark.append(drawn("path", { class: "link", d: `M${x} ${y}V${this.lanes.server}` }), drawn("rect", { x, y: y - thick / 2, width: length, height: thick, rx: 2 }));
+    if (call.deadline_ms != null && call.state !== "ok") {
+      const limit = x + (call.deadline_ms / 1000) * this.pixels;
+      mark.append(drawn("path", { class: "deadline", d: `M${limit} ${y - thick}v${2 * thick}` }));
+    }
+    const label = call.state === "error" ? `✕ ${call.code}` : call.attempt > 1 ? `retry ${call.attempt - 1}${call.repeated ? ", stored answer" : ""}` : call.repeated ? "stored answer" : "";
+    if (label && this.hasRoom(call, x, label)) mark.append(drawn("text", { x, y: y - thick / 2 - 3 }, label));
+    if (call.state === "open") this.open.set(call.id, mark);
+    this.bars.append(mark);
+  }
+
+  /** Return whether a label fits into a client's lane without covering the one before it. */
+  hasRoom(call, x, label) {
+    if (!this.lanes.index.has(call.client) || x < (this.labels.get(call.client) ?? -Infinity)) return false;
+    this.labels.set(call.client, x + label.length * this.lanes.rem * 0.5);
+    return true;
+  }
+
+  /** Draw the tasks as bars in the robot's lane. */
+  drawTasks() {
+    const { tasks } = this.model;
+    if (!tasks || !this.lanes.ready || !this.pixels) return;
+    const thick = this.lanes.rem * 1.125;
+    const list = [tasks.running, ...tasks.ended].filter((task) => task?.started && (task.ended ?? Infinity) > this.origin - WINDOW);
+    const nodes = list.map((task) => {
+      const begin = Math.max(task.started, this.origin - 2 * WINDOW);
+      const x = this.x(begin);
+      const width = task.ended ? Math.max(BAR, this.x(task.ended) - x) : this.lanes.width * 3;
+      const room = Math.floor(width / (this.lanes.rem * 0.45));
+      const text = `task ${task.task_id} ${taskText(task)}`;
+      return drawn("g", { class: "work", "data-state": task.state },
+        drawn("path", { class: "begins", d: `M${x} ${this.lanes.queue}V${this.lanes.robot}` }),
+        drawn("rect", { x, y: this.lanes.robot - thick / 2, width, height: thick, rx: 3 }),
+        drawn("text", { x: x + 6, y: this.lanes.robot, "dominant-baseline": "central" }, text.length <= room ? text : room > 3 ? String(task.task_id) : ""));
+    });
+    this.work.replaceChildren(...nodes);
+  }
+
+  /** Show the newest call at the right end of each lane. */
+  showLatest() {
+    const now = this.model.now();
+    const { tasks, stats, skipped } = this.model;
+    this.lanes.clients.forEach(({ name }, i) => {
+      const call = this.latest.get(name);
+      const service = call?.service.replace(this.model.hello?.server.service ?? "", "") || call?.service || "";
+      this.lanes.last(i, call ? `${service}\t${callText(call, now).replace(" · stored answer", "")}` : "", call ? tone(call) : null);
+    });
+    if (this.lanes.others.size) this.lanes.last(this.lanes.clients.length, skipped ? `${plural(skipped, "call")} not drawn` : "", null);
+    this.lanes.last(-3, stats.total ? `${plural(stats.total, "call")} in all` : "", null);
+    this.lanes.last(-2, tasks ? `${tasks.queued} queued` : "", null);
+    this.lanes.last(-1, tasks?.running ? `task ${tasks.running.task_id}\t${taskText(tasks.running)}` : "idle", null);
+  }
+
+  tick() {
+    if (!this.isShown || !this.lanes.ready) return;
+    const now = this.model.now();
+    this.lanes.forget(now);
+    const limit = now - WINDOW;
+    for (const node of [...this.bars.children]) if (Number(node.dataset.end) < limit) node.remove();
+    this.empty.hidden = this.model.calls.size > 0;
+    if (this.open.size) this.showLatest();
+    if (now - this.origin > WINDOW + REBASE || now < this.origin) this.redraw();
+  }
+
+  /** Move the drawing; this is all that happens in a frame without news. */
+  frame(now) {
+    if (!this.isShown || !this.lanes.ready) return;
+    this.moving.style.transform = `translateX(${(this.lanes.width - (now - this.origin) * this.pixels).toFixed(1)}px)`;
+  }
+
+  point(event) {
+    if (this.stopped) return;
+    const box = this.lanes.track.getBoundingClientRect();
+    const t = this.model.now() - (box.right - event.clientX) / this.pixels;
+    const y = event.clientY - box.top;
+    let found = null;
+    let nearest = NEAR / this.pixels;
+    for (const call of this.model.calls.values()) {
+      if (Math.abs(this.lanes.y(call.client) - y) > this.lanes.lane / 2) continue;
+      const end = call.ms == null ? Infinity : call.begin + call.ms / 1000;
+      const distance = t < call.begin ? call.begin - t : t > end ? t - end : 0;
+      if (distance <= nearest) [found, nearest] = [call, distance];
+    }
+    this.tooltip.hidden = !found;
+    if (!found) return;
+    const lines = [`${found.client} → ${found.service}`, `${found.state}, ${callText(found, this.model.now())}`, meaning(found.code), found.deadline_ms == null ? "no deadline" : `deadline ${milliseconds(found.deadline_ms)}`, found.task_id == null ? "" : `task ${found.task_id}`];
+    setText(this.tooltip, lines.filter(Boolean).join("\n"));
+    this.tooltip.style.transform = `translate(${Math.min(event.clientX, innerWidth - 280)}px, ${event.clientY - 16}px) translateY(-100%)`;
+  }
+}
+
+/** The same calls as a table, newest first; it holds still while the reader has scrolled down. */
+export class CallList {
+  constructor(model) {
+    this.model = model;
+    this.root = byId("list");
+    this.body = element("tbody");
+    const head = ["time", "client", "service", "result", "latency", "deadline", "attempt", "task"];
+    this.table = element("table", { id: "call_table" }, element("caption", { class: "visually_hidden" }, "Newest calls"), element("thead", {}, element("tr", {}, ...head.map((name) => element("th", { scope: "col" }, name)))), this.body);
+    this.note = element("p", { class: "held", hidden: true }, "The list holds still. Scroll to the top to follow.");
+    this.empty = element("p", { class: "empty" }, "No call yet.");
+    this.root.append(this.note, this.table, this.empty);
+  }
+
+  tick() {
+    if (this.root.hidden) return;
+    const calls = [...this.model.calls.values()];
+    this.note.hidden = this.root.scrollTop < 4;
+    this.empty.hidden = calls.length > 0;
+    this.table.hidden = calls.length === 0;
+    if (!this.note.hidden) return;
+    const newest = calls.slice(-60).reverse();
+    while (this.body.children.length > newest.length) this.body.lastChild.remove();
+    while (this.body.children.length < newest.length) this.body.append(element("tr", {}, ...Array.from({ length: 8 }, () => element("td"))));
+    newest.forEach((call, i) => this.show(this.body.children[i], call));
+  }
+
+  show(row, call) {
+    setAttribute(row, "data-call", call.id);
+    setAttribute(row, "data-tone", tone(call));
+    const state = call.state === "ok" ? "✓ ok" : call.state === "open" ? "○ open" : `✕ ${call.code}`;
+    const time = new Date(call.begin * 1000).toTimeString().slice(0, 8) + (call.begin % 1).toFixed(3).slice(1);
+    const texts = [time, call.client, call.service, state, milliseconds(call.ms), milliseconds(call.deadline_ms), call.repeated ? `${call.attempt}, stored answer` : String(call.attempt), call.task_id == null ? "" : String(call.task_id)];
+    texts.forEach((text, i) => setText(row.children[i], text));
+  }
+}

@@ -1,0 +1,92 @@
+// The buttons: each one calls a public service of the task server through POST /control/VERB.
+
+import { authorization } from "./connection.js";
+import { byId, drawn, element, icon, setAttribute, setText } from "./dom.js";
+import { duration, refusal } from "./words.js";
+
+const SHOWN = 8000; // milliseconds that a response stays
+
+/** Return a sentence for the response of a service. */
+function said(verb, response) {
+  if (verb === "submit" && response.success) return `${response.message}. Task ${response.task_id} is done in ${duration(response.estimated_time)}.`;
+  return response.message || (response.success ? "Done." : "The server refused it.");
+}
+
+export class Controls {
+  constructor(model) {
+    this.model = model;
+    this.token = "";
+    this.form = byId("submit_form");
+    this.text = byId("control_text");
+    this.pause = byId("pause");
+    this.stop = byId("stop");
+    this.pauseIcon = icon("PAUSED");
+    this.pauseText = element("span");
+    this.pause.append(this.pauseIcon, this.pauseText);
+    this.stop.append(icon("STOP"), element("span", {}, "Stop"));
+    this.stop.title = "Halt the robot, cancel the running task and pause the queue";
+    this.form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.submit();
+    });
+    this.pause.addEventListener("click", () => this.togglePause());
+    this.stop.addEventListener("click", () => this.act("stop"));
+  }
+
+  submit() {
+    const request = { task_type: byId("submit_type").value, target: byId("submit_target").value, priority: Number(byId("submit_priority").value) };
+    return this.act("submit", request);
+  }
+
+  togglePause() {
+    return this.act(this.model.tasks?.paused ? "resume" : "pause");
+  }
+
+  /** Take a point of the map as the target of the next task. */
+  chooseTarget(x, y) {
+    if (!this.model.canControl) return;
+    const places = Object.entries(this.model.hello.map?.places ?? {});
+    const near = places.find(([, point]) => Math.hypot(point[0] - x, point[1] - y) < 0.35);
+    byId("submit_target").value = near ? near[0] : `${x.toFixed(1)},${y.toFixed(1)}`;
+    byId("submit").focus();
+  }
+
+  /** Call a service; what it answers is shown under the buttons. */
+  async act(verb, request = {}) {
+    if (!this.model.canControl) return this.say("This page is read-only. To control the robot, open it with: taskrpc view", "warn");
+    document.documentElement.toggleAttribute("data-busy", true);
+    try {
+      const response = await fetch(`/control/${verb}`, { method: "POST", headers: { "Content-Type": "application/json", ...authorization(this.token) }, body: JSON.stringify(request) });
+      const body = await response.json().catch(() => ({}));
+      if (!response.ok) this.say(body.message ? `${body.error}: ${body.message}` : refusal(response.status, ""), "bad");
+      else this.say(said(verb, body), body.success ? "good" : "bad");
+    } catch {
+      this.say("The server does not answer. It is unknown whether the request was executed.", "bad");
+    } finally {
+      document.documentElement.toggleAttribute("data-busy", false);
+    }
+  }
+
+  say(text, tone) {
+    setText(this.text, text);
+    setAttribute(this.text, "data-tone", tone);
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => setText(this.text, ""), SHOWN);
+  }
+
+  update(changed) {
+    if (changed.has("hello")) {
+      const places = Object.keys(this.model.hello.map?.places ?? {});
+      byId("places").replaceChildren(...places.map((name) => element("option", { value: name })));
+    }
+    const { hello, canControl } = this.model;
+    this.form.hidden = !hello?.control;
+    byId("read_only").hidden = !hello || hello.control || Boolean(hello.recording);
+    setAttribute(document.documentElement, "data-control", hello?.control ? "" : null);
+    for (const node of this.form.elements) node.disabled = !canControl;
+    const paused = Boolean(this.model.tasks?.paused);
+    setText(this.pauseText, paused ? "Resume" : "Pause");
+    this.pauseIcon.firstChild.setAttribute("href", paused ? "#icon_RUNNING" : "#icon_PAUSED");
+    setAttribute(this.pause, "data-paused", paused);
+  }
+}

@@ -1,0 +1,138 @@
+// The swim lanes of the sequence diagram: names at the left, the track, the newest text at the right.
+
+import { drawn, element, setAttribute, setText } from "./dom.js";
+
+const LANE = 1.75; // rem, the least height of a lane
+const LANE_PROJECTOR = 1.125; // rem, the least height where the text is twice as large
+const IDLE = 12; // seconds after which a client's lane may go to another client
+
+export const SERVER = "task server";
+export const QUEUE = "queue";
+export const ROBOT = "robot";
+
+/** Assigns lanes to clients and draws their frame; the track in between is for the caller. */
+export class Lanes {
+  constructor(root, label) {
+    this.root = root;
+    this.names = element("ol", { class: "lane_names", "aria-hidden": "true" });
+    this.lasts = element("ol", { class: "lane_lasts", "aria-hidden": "true" });
+    this.lines = drawn("svg", { class: "lane_lines", "aria-hidden": "true" });
+    this.track = element("div", { class: "track" }, this.lines);
+    this.frame = element("div", { class: "lanes", role: "img", "aria-label": label }, this.names, this.track, this.lasts);
+    root.append(this.frame);
+    this.clients = []; // [{name, seen}], in the order of their lanes
+    this.others = new Map(); // client without a lane -> when it called
+    this.most = 2; // lanes of clients that there is room for
+    this.revision = 0; // counts the changes of the lanes
+  }
+
+  /** Take the size of the panel, in pixels; return whether it can be drawn. */
+  resize(width, height) {
+    if (width < 100 || height < 60) return (this.ready = false);
+    this.rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    this.width = width;
+    this.height = height;
+    const least = "projector" in document.documentElement.dataset ? LANE_PROJECTOR : LANE;
+    this.most = Math.max(2, Math.floor(height / (least * this.rem)) - 3);
+    this.makeRoom();
+    this.layout();
+    return (this.ready = true);
+  }
+
+  clear() {
+    this.clients = [];
+    this.others.clear();
+    this.layout();
+  }
+
+  /** Note that a client is active at `t`; the client gets a lane if one is free. */
+  see(name, t) {
+    const known = this.clients.find((client) => client.name === name);
+    if (known) {
+      known.seen = Math.max(known.seen, t);
+      return;
+    }
+    if (this.others.has(name)) {
+      this.others.set(name, t);
+      return;
+    }
+    const idle = this.clients.findIndex((client) => t - client.seen > IDLE);
+    if (idle >= 0) this.clients[idle] = { name, seen: t };
+    else if (this.others.size === 0) this.clients.push({ name, seen: t });
+    else {
+      // The lanes stay as they are, so the drawing stays too; only the number of the others grows.
+      this.others.set(name, t);
+      this.countOthers();
+      return;
+    }
+    this.makeRoom();
+    this.layout();
+  }
+
+  /** Move clients that have no room into the lane of the others. */
+  makeRoom() {
+    if (this.clients.length + (this.others.size ? 1 : 0) <= this.most) return;
+    for (const { name, seen } of this.clients.splice(this.most - 1)) this.others.set(name, seen);
+  }
+
+  /** Forget the clients without a lane that are idle. */
+  forget(now) {
+    if (!this.others.size) return;
+    for (const [name, seen] of this.others) if (now - seen > IDLE) this.others.delete(name);
+    if (this.others.size) this.countOthers();
+    else this.layout();
+  }
+
+  countOthers() {
+    setText(this.names.children[this.clients.length].firstChild, `${this.others.size} more`);
+  }
+
+  layout() {
+    this.revision++;
+    const rows = this.clients.map((client) => [client.name, "client"]);
+    if (this.others.size) rows.push([`${this.others.size} more`, "others"]);
+    rows.push([SERVER, "server"], [QUEUE, "queue"], [ROBOT, "robot"]);
+    this.rows = rows;
+    if (!this.height) return;
+    this.lane = this.height / rows.length;
+    this.index = new Map(this.clients.map((client, i) => [client.name, i]));
+    const fixed = rows.length - 3;
+    this.server = this.middle(fixed);
+    this.queue = this.middle(fixed + 1);
+    this.robot = this.middle(fixed + 2);
+    this.other = this.middle(fixed - 1);
+    this.frame.style.setProperty("--lane", `${this.lane}px`);
+    for (const list of [this.names, this.lasts]) {
+      while (list.children.length > rows.length) list.lastChild.remove();
+      while (list.children.length < rows.length) list.append(element("li", {}, element("span"), element("span")));
+    }
+    rows.forEach(([name, kind], i) => {
+      setText(this.names.children[i].firstChild, name);
+      setAttribute(this.names.children[i], "data-kind", kind);
+      setAttribute(this.lasts.children[i], "data-kind", kind);
+      this.last(i, "", null);
+    });
+    const line = rows.map(([, kind], i) => drawn("path", { class: `lane_line ${kind}`, d: `M0 ${this.middle(i)}H${this.width}` }));
+    this.lines.replaceChildren(...line);
+  }
+
+  middle(i) {
+    return (i + 0.5) * this.lane;
+  }
+
+  /** Return the y of a client's lane. */
+  y(client) {
+    const i = this.index.get(client);
+    return i === undefined ? this.other : this.middle(i);
+  }
+
+  /** Show a text at the right end of a lane, in two parts by a tab; `row` counts from the top, negative from the bottom. */
+  last(row, text, tone) {
+    const node = this.lasts.children[row < 0 ? this.rows.length + row : row];
+    if (!node) return;
+    const [first, second = ""] = text.split("\t");
+    setText(node.firstChild, first);
+    setText(node.lastChild, second);
+    setAttribute(node, "data-tone", tone);
+  }
+}

@@ -1,0 +1,209 @@
+// Draws the map: walls, places, the robot with its path, trail and newest scan.
+
+import { byId, drawn, element, icon, setAttribute, setStyle, setText } from "./dom.js";
+import { degrees } from "./words.js";
+
+const SCAN_AGE = 6; // robot seconds that a scan is shown
+const MARGIN = 12; // pixels around the floor
+const FOOT = 24; // pixels below the floor, for the scale bar
+const RAY_STEP = 6; // one ray of this many is drawn as a line
+
+const points = (list) => list.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" ");
+
+export class MapView {
+  /** `chosen(x, y)` gets the metres of a click on the floor. */
+  constructor(model, chosen) {
+    this.model = model;
+    this.root = byId("map");
+    this.text = byId("robot_text");
+    this.floor = drawn("g");
+    this.places = drawn("g");
+    this.names = drawn("g", { class: "place_names" });
+    this.scan = drawn("g", { class: "scan" });
+    this.trail = drawn("polyline", { class: "trail" });
+    this.path = drawn("polyline", { class: "path", id: "path" });
+    this.goal = drawn("g", { class: "goal", id: "goal" }, drawn("circle", { r: 9 }), drawn("path", { d: "M-13 0h8M5 0h8M0-13v8M0 5v8" }));
+    // A drawing of its own, so that the browser moves it without painting the map again.
+    this.robot = drawn("svg", { class: "robot", id: "robot", "aria-hidden": "true", hidden: true });
+    this.svg = drawn("svg", { id: "map_drawing", role: "img", "aria-label": "Map" });
+    this.svg.append(this.floor, this.places, this.scan, this.trail, this.path, this.goal, this.names);
+    this.hover = element("span", { class: "hover_text", "aria-hidden": "true" });
+    this.empty = element("p", { class: "empty" }, "Waiting for the map.");
+    this.root.append(this.svg, this.robot, this.hover, this.empty);
+    this.battery = element("span", { id: "battery", class: "battery" }, icon("battery"), element("span"));
+    this.pose = element("span", { id: "pose" });
+    this.odometer = element("span", { id: "odometer", class: "minor" });
+    this.motion = element("span", { id: "motion", class: "motion" });
+    this.text.append(this.motion, this.pose, this.odometer, this.battery);
+    this.scale = 0;
+    new ResizeObserver(([entry]) => this.resize(entry.contentRect)).observe(this.root);
+    this.svg.addEventListener("pointermove", (event) => this.showPoint(event));
+    this.svg.addEventListener("pointerleave", () => setText(this.hover, ""));
+    this.svg.addEventListener("click", (event) => {
+      const point = this.pointOf(event);
+      if (point) chosen(...point);
+    });
+  }
+
+  get map() {
+    return this.model.hello?.map ?? null;
+  }
+
+  resize({ width, height }) {
+    this.width = width;
+    this.height = height;
+    this.rem = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
+    this.draw();
+  }
+
+  /** Redraw all that depends on the map or on the size. */
+  draw() {
+    const { map } = this;
+    this.svg.toggleAttribute("hidden", !map);
+    this.empty.hidden = Boolean(map);
+    if (!map) {
+      if (this.model.hello) setText(this.empty, "This robot has no map. Its pose is shown as numbers above.");
+      return;
+    }
+    if (!(this.width > 40 && this.height > 40)) return;
+    const [w, h] = map.size;
+    const margin = MARGIN * this.rem;
+    const foot = "projector" in document.documentElement.dataset ? MARGIN : FOOT;
+    this.scale = Math.min((this.width - 2 * margin) / w, (this.height - margin - foot) / h);
+    this.left = (this.width - w * this.scale) / 2;
+    this.bottom = (this.height + margin - foot + h * this.scale) / 2;
+    setAttribute(this.svg, "viewBox", `0 0 ${this.width} ${this.height}`);
+    this.drawFloor(map);
+    this.drawPlaces(map);
+    this.drawRobot(map);
+    this.update(new Set(["path", "scan", "robot"]));
+  }
+
+  at([x, y]) {
+    return [this.left + x * this.scale, this.bottom - y * this.scale];
+  }
+
+  pointOf(event) {
+    if (!this.map || !this.scale) return null;
+    const box = this.root.getBoundingClientRect();
+    const x = (event.clientX - box.left - this.left) / this.scale;
+    const y = (this.bottom - (event.clientY - box.top)) / this.scale;
+    const [w, h] = this.map.size;
+    return x >= 0 && y >= 0 && x <= w && y <= h ? [x, y] : null;
+  }
+
+  showPoint(event) {
+    const point = this.pointOf(event);
+    const robot = this.model.pose();
+    if (!point) return setText(this.hover, "");
+    const near = robot && Math.hypot(point[0] - robot.x, point[1] - robot.y) < 0.5;
+    const [x, y] = near ? [robot.x, robot.y] : point;
+    setText(this.hover, `${near ? "robot  " : ""}x ${x.toFixed(2)}  y ${y.toFixed(2)}${near ? `  heading ${degrees(robot.theta)}` : ""}`);
+  }
+
+  drawFloor(map) {
+    const [w, h] = map.size;
+    const [left, top] = this.at([0, h]);
+    const grid = [];
+    const step = Math.max(w, h) > 40 ? 10 : Math.max(w, h) > 20 ? 5 : 1;
+    for (let x = step; x < w; x += step) grid.push(`M${points([this.at([x, 0])])}V${top}`);
+    for (let y = step; y < h; y += step) grid.push(`M${points([this.at([0, y])])}h${w * this.scale}`);
+    const boxes = map.boxes.map((box) => drawn("polygon", { points: points(box.map((point) => this.at(point))) }));
+    const [x, y] = this.at([0, 0]);
+    const length = step * this.scale;
+    this.floor.replaceChildren(
+      drawn("rect", { class: "floor", x: left, y: top, width: w * this.scale, height: h * this.scale, rx: 2 }),
+      drawn("path", { class: "grid", d: grid.join("") }),
+      drawn("g", { class: "walls" }, ...boxes),
+      drawn("path", { class: "scale_bar", d: `M${x} ${y + 8}v6h${length}v-6` }),
+      drawn("text", { class: "scale_text", x: x + length + 8, y: y + 16 }, `${step} m`),
+    );
+  }
+
+  drawPlaces(map) {
+    const high = Math.max(map.radius * this.scale, 9 * this.rem) + 6 * this.rem; // above the robot
+    const marks = [];
+    const names = [];
+    for (const [name, point] of Object.entries(map.places)) {
+      const [x, y] = this.at(point);
+      const shape = name === "dock" ? { class: "dock", d: "M-9-9h18v18h-18zM1-6-4 1h4l-1 5 5-7H0z" } : { class: "place", d: "M0-5 5 0 0 5-5 0z" };
+      marks.push(drawn("path", { ...shape, transform: `translate(${x} ${y}) scale(${this.rem})` }));
+      names.push(drawn("text", { x, y: y - high, "text-anchor": "middle", "data-place": name }, name));
+    }
+    this.places.replaceChildren(...marks);
+    this.names.replaceChildren(...names);
+  }
+
+  drawRobot(map) {
+    const r = Math.max(map.radius * this.scale, 8 * this.rem);
+    const half = Math.ceil(r) + 2;
+    setAttribute(this.robot, "viewBox", `${-half} ${-half} ${2 * half} ${2 * half}`);
+    for (const name of ["width", "height"]) setAttribute(this.robot, name, 2 * half);
+    this.half = half;
+    this.robot.replaceChildren(
+      drawn("circle", { class: "robot_body", r }),
+      drawn("path", { class: "robot_heading", d: `M${r * 0.68} 0 ${-r * 0.42} ${-r * 0.5} ${-r * 0.12} 0 ${-r * 0.42} ${r * 0.5}z` }),
+    );
+  }
+
+  update(changed) {
+    if (changed.has("hello")) return this.draw();
+    if (changed.has("robot")) this.updateText();
+    if (!this.scale) return;
+    if (changed.has("path")) {
+      const list = this.model.path.points;
+      this.path.setAttribute("points", points(list.map((point) => this.at(point))));
+      this.goal.toggleAttribute("hidden", list.length === 0);
+      if (list.length) this.goal.setAttribute("transform", `translate(${points([this.at(list.at(-1))])}) scale(${this.rem})`);
+    }
+    if (changed.has("robot")) this.trail.setAttribute("points", points(this.model.trail.map((point) => this.at(point))));
+    if (changed.has("scan")) this.drawScan();
+  }
+
+  updateText() {
+    const { robot } = this.model;
+    this.robot.toggleAttribute("hidden", !robot);
+    this.battery.hidden = robot?.battery == null;
+    this.odometer.hidden = robot?.odometer == null;
+    if (!robot) {
+      for (const node of [this.motion, this.pose]) setText(node, "");
+      return;
+    }
+    setText(this.motion, robot.moving ? "moving" : "standing");
+    setAttribute(this.motion, "data-moving", robot.moving);
+    setText(this.pose, `x ${robot.x.toFixed(2)}  y ${robot.y.toFixed(2)}  ${degrees(robot.theta)}`);
+    if (robot.odometer != null) setText(this.odometer, `${robot.odometer.toFixed(1)} m driven`);
+    if (robot.battery != null) setText(this.battery.lastChild, `${Math.round(robot.battery)} %`);
+    setAttribute(this.battery, "data-low", robot.battery < 20);
+    setAttribute(this.svg, "aria-label", `Map. The robot is at x ${robot.x.toFixed(1)}, y ${robot.y.toFixed(1)} and is ${robot.moving ? "moving" : "standing"}.`);
+  }
+
+  drawScan() {
+    const { scan } = this.model;
+    this.scan.replaceChildren();
+    if (!scan) return;
+    const from = this.at([scan.x, scan.y]);
+    const ends = scan.ranges.map((range, i) => {
+      const angle = scan.theta + scan.angle_min + i * scan.angle_increment;
+      const reach = Number.isFinite(range) ? range : scan.range_max;
+      return this.at([scan.x + reach * Math.cos(angle), scan.y + reach * Math.sin(angle)]);
+    });
+    const rays = ends.filter((_, i) => i % RAY_STEP === 0).map((end) => `M${points([from])}L${points([end])}`);
+    const hits = ends.filter((_, i) => scan.ranges[i] < scan.range_max).map((end) => `M${points([end])}h0`);
+    this.scan.append(
+      drawn("polygon", { class: "scan_area", points: points(ends) }),
+      drawn("path", { class: "scan_rays", d: rays.join("") }),
+      drawn("path", { class: "scan_hits", d: hits.join("") }),
+    );
+  }
+
+  frame(now) {
+    const pose = this.model.pose();
+    if (!pose || !this.scale) return;
+    const [x, y] = this.at([pose.x, pose.y]);
+    setStyle(this.robot, "transform", `translate(${(x - this.half).toFixed(1)}px, ${(y - this.half).toFixed(1)}px) rotate(${(-pose.theta).toFixed(3)}rad)`);
+    const { scan } = this.model;
+    const age = scan ? (now - scan.t) * this.model.speed : Infinity;
+    setStyle(this.scan, "opacity", String(Math.max(0, Math.min(1, Math.round((SCAN_AGE - age) * 20) / 20))));
+  }
+}

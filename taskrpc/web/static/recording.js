@@ -1,0 +1,163 @@
+// Plays a recording on the page: a source of the same events as the live stream, and its time line.
+
+import { authorization } from "./connection.js";
+import { byId, element, icon, setAttribute, setIcon, setText } from "./dom.js";
+import { duration, timeOfDay } from "./words.js";
+
+const SPEEDS = [0.1, 0.5, 1, 2, 5, 20];
+const BACK = { robot: 40, calls: 12 }; // seconds of earlier events that a jump applies, for the trail and the lanes
+
+/** Yields the lines of a response. */
+async function* lines(body) {
+  const reader = body.pipeThrough(new TextDecoderStream()).getReader();
+  let text = "";
+  for (;;) {
+    const { value, done } = await reader.read();
+    const parts = (text + (value ?? "")).split("\n");
+    text = done ? "" : parts.pop();
+    yield* parts.filter((part) => part.trim());
+    if (done) return;
+  }
+}
+
+/** Return the index of the first event after `t`. */
+function after(events, t) {
+  let low = 0;
+  let high = events.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (events[middle].t <= t) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+/** The clock of a recording: it runs from event to event at the chosen speed, and stands still when paused. */
+class PlayerClock {
+  constructor(begin) {
+    this.t = begin;
+  }
+
+  now() {
+    return this.t;
+  }
+
+  observe() {}
+  freeze() {}
+}
+
+export class Recording {
+  constructor(model, token) {
+    this.model = model;
+    this.token = token;
+    this.events = []; // {t, event, data}, in order of time
+    this.named = {}; // the same events by their name
+    this.next = 0; // index of the first event after the clock
+    this.isPlaying = false;
+    this.speed = 1;
+    this.root = byId("timeline");
+  }
+
+  /** Read all events, then show the beginning. */
+  async load() {
+    const { recording } = this.model.hello;
+    const response = await fetch("/recording", { headers: authorization(this.token) });
+    if (!response.ok) throw new Error(`the recording cannot be read: status ${response.status}`);
+    for await (const line of lines(response.body)) {
+      const event = JSON.parse(line);
+      if (event.event === "hello") continue;
+      this.events.push(event);
+      (this.named[event.event] ??= []).push(event);
+    }
+    this.begin = recording.begin;
+    this.end = Math.max(recording.end, this.begin + 0.001);
+    this.clock = this.model.clock = new PlayerClock(this.begin);
+    this.draw(recording.name);
+    this.seek(this.begin);
+    this.setPlaying(true);
+  }
+
+  draw(name) {
+    const button = (id, symbol, label, act) => element("button", { type: "button", id, class: "icon_button", "aria-label": label, title: label, onclick: act }, icon(symbol));
+    this.play = button("play", "RUNNING", "Play", () => this.setPlaying(!this.isPlaying));
+    this.range = element("input", { type: "range", id: "scrub", min: 0, max: 1000, value: 0, step: "any", "aria-label": "Time in the recording" });
+    this.range.addEventListener("input", () => this.seek(this.begin + (Number(this.range.value) / 1000) * (this.end - this.begin)));
+    this.time = element("output", { id: "recording_time", class: "recording_time" });
+    const speeds = element("select", { id: "recording_speed", "aria-label": "Speed of the play" }, ...SPEEDS.map((speed) => element("option", { value: speed, selected: speed === 1 }, `${speed} ×`)));
+    speeds.addEventListener("change", () => (this.speed = Number(speeds.value)));
+    this.marks = element("div", { class: "marks", "aria-hidden": "true" });
+    this.drawMarks();
+    this.root.append(element("span", { class: "recording_name" }, name), button("step_back", "back", "One event back", () => this.step(-1)), this.play, button("step_forward", "step", "One event forward", () => this.step(1)), element("div", { class: "range" }, this.range, this.marks), this.time, speeds);
+    this.root.hidden = false;
+  }
+
+  /** Mark the errors and the ends of tasks on the time line, at most 300. */
+  drawMarks() {
+    const marks = new Map(); // place in per mille -> tone
+    let ended = null;
+    for (const { t, event, data } of this.events) {
+      const place = Math.round(((t - this.begin) / (this.end - this.begin)) * 300);
+      const newest = event === "tasks" ? data.ended[0] : null;
+      if (event === "calls" && data.calls.some((call) => call.state === "error")) marks.set(place, "bad");
+      if (newest && ended !== null && newest.task_id !== ended && !marks.has(place)) marks.set(place, newest.state === "SUCCEEDED" ? "good" : "bad");
+      if (event === "tasks") ended = newest?.task_id ?? 0;
+    }
+    for (const [place, tone] of marks) {
+      const mark = element("span", { "data-tone": tone });
+      mark.style.left = `${place / 3}%`;
+      this.marks.append(mark);
+    }
+  }
+
+  setPlaying(playing) {
+    if (playing && this.clock.t >= this.end) this.seek(this.begin);
+    this.isPlaying = playing;
+    this.last = performance.now();
+    setIcon(this.play.firstChild, playing ? "PAUSED" : "RUNNING");
+    this.play.setAttribute("aria-label", playing ? "Pause" : "Play");
+    this.play.title = playing ? "Pause" : "Play";
+  }
+
+  /** Go to the next or the previous event that is more than a pose, and stand still there. */
+  step(by) {
+    this.setPlaying(false);
+    const isStop = ({ event, t }) => event !== "robot" && (by > 0 ? t > this.clock.t + 1e-6 : t < this.clock.t - 1e-6);
+    const found = by > 0 ? this.events.find(isStop) : this.events.findLast(isStop);
+    this.seek(found ? found.t : by > 0 ? this.end : this.begin);
+  }
+
+  /** Show the state at a time: for each name the newest event at or before it. */
+  seek(t) {
+    this.clock.t = Math.max(this.begin, Math.min(this.end, t));
+    this.next = after(this.events, this.clock.t);
+    this.model.reset();
+    const chosen = [];
+    for (const [name, events] of Object.entries(this.named)) {
+      const end = after(events, this.clock.t);
+      const begin = after(events, this.clock.t - (BACK[name] ?? 0));
+      chosen.push(...events.slice(Math.max(0, Math.min(begin, end - 1)), end));
+    }
+    for (const { event, data, t: at } of chosen.sort((a, b) => a.t - b.t)) this.model.apply(event, data, at);
+    this.showTime();
+  }
+
+  frame() {
+    if (!this.isPlaying) return;
+    const now = performance.now();
+    this.clock.t = Math.min(this.end, this.clock.t + ((now - this.last) / 1000) * this.speed);
+    this.last = now;
+    while (this.next < this.events.length && this.events[this.next].t <= this.clock.t) {
+      const { event, data, t } = this.events[this.next++];
+      this.model.apply(event, data, t);
+    }
+    this.showTime();
+    if (this.clock.t >= this.end) this.setPlaying(false);
+  }
+
+  showTime() {
+    const place = ((this.clock.t - this.begin) / (this.end - this.begin)) * 1000;
+    if (document.activeElement !== this.range || this.isPlaying) this.range.value = place;
+    setAttribute(this.range, "aria-valuetext", `${duration(this.clock.t - this.begin)} of ${duration(this.end - this.begin)}`);
+    setText(this.time, `${timeOfDay(this.clock.t)}  ${duration(this.clock.t - this.begin)} of ${duration(this.end - this.begin)}`);
+  }
+}

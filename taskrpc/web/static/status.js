@@ -1,0 +1,80 @@
+// Says in words how the connection is, shows the figures of the calls, and announces what ended.
+
+import { byId, element, icon, setAttribute, setIcon, setText } from "./dom.js";
+import { duration, milliseconds, stateOf, taskText, timeOfDay } from "./words.js";
+
+const ANNOUNCE = 1500; // milliseconds between two announcements, so that a screen reader keeps up
+
+const CONNECTION = {
+  connecting: { word: "connecting", icon: "waiting" },
+  live: { word: "live", icon: "live" },
+  lost: { word: "connection lost", icon: "lost" },
+  refused: { word: "refused", icon: "FAILED" },
+  asleep: { word: "asleep", icon: "waiting" },
+  recording: { word: "recording", icon: "recording" },
+};
+
+export class StatusView {
+  constructor(model) {
+    this.model = model;
+    this.connection = byId("connection");
+    this.icon = icon("waiting");
+    this.word = element("span");
+    this.connection.append(this.icon, this.word);
+    this.banner = byId("banner");
+    this.stats = Object.fromEntries([...document.querySelectorAll("[data-stat]")].map((node) => [node.dataset.stat, node]));
+    this.announcements = byId("announcements");
+    this.pending = [];
+    this.known = null; // ids of the ended tasks that were announced
+    model.listeners.push((name, data) => name === "tasks" && this.noteEnds(data));
+  }
+
+  update(changed) {
+    if (changed.has("hello")) {
+      const { server } = this.model.hello;
+      setText(byId("service"), `${server.service} at ${server.address}${server.speed === 1 ? "" : ` · ${server.speed} × speed`}`);
+      document.title = `${server.service} · taskrpc`;
+    }
+    if (changed.has("connection") || changed.has("hello")) this.showConnection();
+    if (changed.has("calls")) this.showStats();
+  }
+
+  tick() {
+    if (this.model.connection.state !== "live") this.showConnection();
+    const now = performance.now();
+    if (!this.pending.length || now - (this.announced ?? -ANNOUNCE) < ANNOUNCE) return;
+    this.announced = now;
+    const text = this.pending.length > 3 ? `${this.pending.length} tasks ended. ${this.pending.at(-1)}` : this.pending.join(" ");
+    setText(this.announcements, text);
+    this.pending = [];
+  }
+
+  showConnection() {
+    const { state, text, since, note } = this.model.connection;
+    const { word, icon: symbol } = CONNECTION[state];
+    setAttribute(this.connection, "data-state", state);
+    setAttribute(document.documentElement, "data-connection", state);
+    setIcon(this.icon, symbol);
+    setText(this.word, note && state === "live" ? `${word} · ${note.toLowerCase()} at ${timeOfDay(this.model.hello.server.started)}` : word);
+    const seconds = Date.now() / 1000 - since;
+    let banner = "";
+    if (state === "lost" && (seconds > 0.4 || !this.model.hello)) banner = `Connection lost since ${timeOfDay(since)} (${duration(Math.floor(seconds))}): ${text}. What you see is from then. The page reconnects by itself.`;
+    if (state === "refused") banner = text;
+    if (state === "asleep") banner = `This page sleeps since ${timeOfDay(since)}, because its tab was hidden.`;
+    setText(this.banner, banner);
+    this.banner.hidden = !banner;
+  }
+
+  showStats() {
+    const { stats } = this.model;
+    const texts = { per_second: stats.per_second?.toFixed(stats.per_second < 10 ? 1 : 0), p50_ms: milliseconds(stats.p50_ms), p99_ms: milliseconds(stats.p99_ms), errors: stats.errors, open: stats.open };
+    for (const [name, node] of Object.entries(this.stats)) setText(node, String(texts[name] ?? "–"));
+    setAttribute(this.stats.errors, "data-tone", stats.errors ? "bad" : null);
+  }
+
+  noteEnds(tasks) {
+    const ended = new Map(tasks.ended.map((task) => [`${task.task_id} ${task.ended}`, task]));
+    if (this.known) for (const [key, task] of ended) if (!this.known.has(key)) this.pending.push(`Task ${task.task_id}, ${taskText(task)}: ${stateOf(task.state).word.toLowerCase()}.`);
+    this.known = new Set(ended.keys());
+  }
+}

@@ -1,0 +1,296 @@
+// Shows the tasks: the running one, the queue in the order in which it will run, and the ended ones.
+
+import { animate, byId, calm, command, element, icon, setAttribute, setIcon, setStyle, setText } from "./dom.js";
+import { difference, duration, plural, stateOf, taskText, timeOfDay, wholeSeconds } from "./words.js";
+
+const REASON = 3000; // milliseconds that a reason stays beside a task that moved
+const EXAMPLE = "taskrpc-call /robot_task task_type=move target=warehouse priority=8";
+
+/** Return a state as shape, word and colour. */
+export function stateBadge(state) {
+  const { word, tone } = stateOf(state);
+  return element("span", { class: "state", "data-tone": tone, "data-state": state }, icon(state), element("span", {}, word));
+}
+
+function setBadge(badge, state) {
+  const { word, tone } = stateOf(state);
+  setAttribute(badge, "data-state", state);
+  setAttribute(badge, "data-tone", tone);
+  setIcon(badge.firstChild, state);
+  setText(badge.lastChild, word);
+}
+
+/** The card of the running task. */
+class NowView {
+  constructor(model, open) {
+    this.model = model;
+    this.root = byId("now");
+    this.badge = stateBadge("RUNNING");
+    this.title = element("button", { type: "button", class: "now_title link", id: "now_title" }, element("span", { class: "now_id" }), element("span"));
+    this.facts = element("p", { class: "quiet now_facts", id: "now_facts" });
+    this.fill = element("div");
+    this.bar = element("div", { class: "bar", id: "now_bar", role: "progressbar", "aria-label": "Progress of the running task", "aria-valuemin": 0, "aria-valuemax": 100 }, this.fill);
+    this.text = element("p", { class: "now_text", id: "now_text" });
+    this.card = element("div", { class: "now_card" }, element("div", { class: "now_head" }, this.badge, this.title, this.facts), element("div", { class: "now_progress" }, this.bar, this.text));
+    this.idle = element("div", { class: "idle", id: "idle" }, element("span", { class: "state", "data-tone": "quiet" }, icon("QUEUED"), element("span", {}, "Idle")), element("p", { class: "quiet" }));
+    this.root.append(this.card, this.idle);
+    this.title.addEventListener("click", () => open(this.model.tasks.running.task_id));
+  }
+
+  update() {
+    const { tasks } = this.model;
+    const task = tasks?.running;
+    this.card.hidden = !task;
+    this.idle.hidden = Boolean(task);
+    setAttribute(this.root, "data-task", task?.task_id);
+    if (!task) {
+      const text = !tasks ? "Waiting for the server." : tasks.paused ? "The queue is paused: no task begins until it is resumed." : "The robot has no task.";
+      return setText(this.idle.lastChild, text);
+    }
+    setBadge(this.badge, task.state);
+    setText(this.title.firstChild, `task ${task.task_id} `);
+    setText(this.title.lastChild, taskText(task));
+    setText(this.facts, [`priority ${task.priority}`, task.client, task.message].filter(Boolean).join(" · "));
+    this.frame();
+  }
+
+  frame() {
+    const task = this.model.tasks?.running;
+    if (!task) return;
+    const share = this.model.progress(task);
+    const percent = Math.floor(share * 100);
+    setStyle(this.fill, "transform", `scaleX(${share.toFixed(3)})`);
+    setAttribute(this.bar, "aria-valuenow", percent);
+    const left = this.model.timeLeft(task);
+    const rest = task.state === "RUNNING" ? `done in ${wholeSeconds(left)}` : task.state === "PAUSED" ? `${wholeSeconds(left)} of work left` : "the robot is about to halt";
+    setText(this.text, `${percent} %   ${rest}`);
+  }
+}
+
+/** One queued task: a row of the grid, which keeps its elements while the task waits. */
+class Row {
+  constructor(view, task) {
+    this.task = task;
+    this.place = element("span", { role: "gridcell", class: "place" });
+    this.id = element("span", { role: "gridcell", class: "task_id" }, `task ${task.task_id}`);
+    this.what = element("span", { role: "gridcell", class: "what" });
+    this.priority = element("span", { class: "priority_value" });
+    this.client = element("span", { role: "gridcell", class: "client" });
+    this.estimate = element("span", { role: "gridcell", class: "estimate" });
+    this.reason = element("span", { class: "reason" }, element("span"), element("span", { class: "cause" }));
+    const button = (verb, symbol, label) =>
+      element("button", { type: "button", tabindex: -1, class: "row_button", "data-verb": verb, "aria-label": label, title: label }, icon(symbol));
+    this.up = button("raise", "up", `Raise the priority of task ${task.task_id}`);
+    this.down = button("lower", "down", `Lower the priority of task ${task.task_id}`);
+    const cancel = button("cancel", "FAILED", `Cancel task ${task.task_id}`);
+    const priority = element("span", { role: "gridcell", class: "priority" }, this.priority, element("span", { class: "row_buttons" }, this.up, this.down));
+    this.node = element("div", { role: "row", class: "row", tabindex: -1, "data-task": task.task_id, "data-state": task.state },
+      this.place, priority, this.id, this.what, this.client, this.estimate, element("span", { role: "gridcell", class: "row_cancel row_buttons" }, cancel), this.reason);
+    this.show(task, 0);
+  }
+
+  show(task, index) {
+    this.task = task;
+    this.index = index;
+    setText(this.place, String(index + 1));
+    setText(this.what, taskText(task));
+    setText(this.priority, String(task.priority));
+    setText(this.client, task.client);
+    setAttribute(this.node, "data-priority", task.priority);
+    setAttribute(this.up, "disabled", task.priority >= 10 ? "" : null);
+    setAttribute(this.down, "disabled", task.priority <= 1 ? "" : null);
+    const late = task.estimated_time - task.accepted_estimate;
+    setAttribute(this.estimate, "title", `accepted with ${duration(task.accepted_estimate)}${Math.abs(late) > 0.05 ? `; now ${difference(late)}` : ""}`);
+  }
+
+  explain(move) {
+    setText(this.reason.firstChild, difference(move.seconds));
+    setText(this.reason.lastChild, `: ${move.cause}`);
+    setAttribute(this.reason, "data-tone", move.seconds > 0 ? "warn" : "good");
+    this.reason.classList.add("shown");
+    clearTimeout(this.timer);
+    this.timer = setTimeout(() => this.reason.classList.remove("shown"), REASON);
+  }
+}
+
+/** The queue as a grid: one row a task, moved by arrow keys and by the server. */
+class QueueView {
+  constructor(model, open, act) {
+    this.model = model;
+    this.root = byId("queue");
+    this.more = byId("queue_more");
+    this.head = byId("next_text");
+    this.cause = byId("next_cause"); // the newest reason; shown where the rows have no room for it
+    this.empty = byId("queue_empty");
+    this.rows = new Map(); // task_id -> Row
+    this.explained = -Infinity; // the server's time of the newest reason that was shown
+    this.empty.append(element("p", {}, "No task waits. Try:"), command(EXAMPLE));
+    this.root.addEventListener("click", (event) => this.clicked(event, open, act));
+    this.root.addEventListener("focusin", (event) => this.focused(event.target.closest(".row")));
+  }
+
+  clicked(event, open, act) {
+    const row = event.target.closest(".row");
+    const task = row && this.rows.get(Number(row.dataset.task))?.task;
+    if (!task) return;
+    const verb = event.target.closest("[data-verb]")?.dataset.verb;
+    row.focus({ preventScroll: true });
+    if (verb === "cancel") act("cancel", { task_id: task.task_id });
+    else if (verb) act("reprioritise", { task_id: task.task_id, priority: task.priority + (verb === "raise" ? 1 : -1) });
+    else open(task.task_id);
+  }
+
+  focused(row) {
+    if (!row) return;
+    this.current = Number(row.dataset.task);
+    for (const each of this.root.children) each.tabIndex = each === row ? 0 : -1;
+  }
+
+  /** Return the task of the focused row, null without one. */
+  selected() {
+    const row = document.activeElement?.closest?.("#queue .row");
+    return row ? (this.rows.get(Number(row.dataset.task))?.task ?? null) : null;
+  }
+
+  /** Move the focus by some rows; from outside it goes to the first row. */
+  step(by) {
+    const nodes = [...this.root.children];
+    const at = nodes.indexOf(document.activeElement?.closest?.("#queue .row"));
+    nodes[at < 0 ? 0 : Math.max(0, Math.min(nodes.length - 1, at + by))]?.focus();
+  }
+
+  update(changed) {
+    const { tasks } = this.model;
+    const queue = tasks?.queue ?? [];
+    const isEmpty = queue.length === 0;
+    this.root.hidden = isEmpty;
+    this.empty.hidden = !isEmpty || !tasks;
+    setText(this.head, tasks ? (isEmpty ? "" : `${tasks.queued} queued${tasks.paused ? ", paused" : ""}`) : "");
+    setText(this.more, tasks?.more ? `and ${plural(tasks.more, "more task")}` : "");
+    this.arrange(queue, changed.has("reset"));
+    if (tasks) this.explain(tasks.moves, changed.has("reset"));
+    this.frame();
+  }
+
+  /** Bring the rows into the queue's order; rows slide from their old places. */
+  arrange(queue, fresh) {
+    const focus = document.activeElement?.closest?.("#queue .row");
+    const height = this.rowHeight ?? 0;
+    const wanted = new Set(queue.map((task) => task.task_id));
+    for (const [id, row] of this.rows) {
+      if (wanted.has(id)) continue;
+      row.node.remove();
+      this.rows.delete(id);
+    }
+    let at = this.root.firstChild;
+    queue.forEach((task, index) => {
+      let row = this.rows.get(task.task_id);
+      const isNew = !row;
+      if (isNew) this.rows.set(task.task_id, (row = new Row(this, task)));
+      const old = row.index;
+      row.show(task, index);
+      if (row.node === at) at = at.nextSibling;
+      else this.root.insertBefore(row.node, at);
+      if (fresh || calm.matches) return;
+      if (isNew) animate(row.node, [{ opacity: 0 }, { opacity: 1 }]);
+      else if (old !== index && height) animate(row.node, [{ transform: `translateY(${(old - index) * height}px)` }, { transform: "none" }], 220);
+    });
+    if (focus?.isConnected && document.activeElement !== focus) focus.focus({ preventScroll: true });
+    const current = this.rows.get(this.current)?.node ?? this.root.firstChild;
+    if (current && current.tabIndex !== 0) this.focused(current);
+  }
+
+  explain(moves, fresh) {
+    for (const move of [...moves].reverse()) {
+      if (move.t <= this.explained) continue;
+      this.explained = move.t;
+      // Old reasons are no news: after a reconnection, or a jump in a recording.
+      if (fresh || this.model.now() - move.t >= REASON / 1000) continue;
+      this.rows.get(move.task_id)?.explain(move);
+      setText(this.cause, move.cause);
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => setText(this.cause, ""), REASON);
+    }
+    if (fresh) this.explained = moves[0]?.t ?? -Infinity;
+  }
+
+  frame() {
+    for (const row of this.rows.values()) setText(row.estimate, duration(this.model.timeLeft(row.task)));
+  }
+}
+
+/** The ended tasks, newest first, with a count of each state. */
+class DoneView {
+  constructor(model, open) {
+    this.model = model;
+    this.root = byId("ended");
+    this.counts = byId("done_counts");
+    this.nodes = new Map(); // task_id and end -> element
+    this.root.addEventListener("click", (event) => {
+      const id = event.target.closest("[data-task]")?.dataset.task;
+      if (id) open(Number(id));
+    });
+  }
+
+  update(changed) {
+    const { tasks } = this.model;
+    const counts = Object.entries(tasks?.counts ?? {}).filter(([, n]) => n > 0);
+    this.counts.replaceChildren(
+      ...counts.map(([state, n]) => {
+        const { word, tone } = stateOf(state);
+        return element("span", { class: "state", "data-tone": tone, "data-state": state, title: word }, icon(state), element("span", {}, String(n)), element("span", { class: "count_word" }, word.toLowerCase()));
+      }),
+    );
+    if (!counts.length) this.counts.append(element("span", { class: "quiet" }, "no task has ended yet"));
+    const nodes = (tasks?.ended ?? []).map((task) => this.node(task, changed.has("reset")));
+    this.nodes = new Map(nodes.map((node) => [node.dataset.key, node]));
+    nodes.forEach((node, i) => this.root.children[i] !== node && this.root.insertBefore(node, this.root.children[i] ?? null));
+    while (this.root.children.length > nodes.length) this.root.lastChild.remove();
+  }
+
+  node(task, fresh) {
+    const key = `${task.task_id} ${task.ended} ${task.state}`;
+    const known = this.nodes.get(key);
+    if (known) return known;
+    const node = element("li", { "data-task": task.task_id, "data-state": task.state, "data-key": key },
+      stateBadge(task.state),
+      element("button", { type: "button", class: "link" }, `task ${task.task_id}  ${taskText(task)}`),
+      element("span", { class: "quiet ended_message" }, task.message),
+      element("span", { class: "quiet client" }, task.client),
+      element("time", { class: "quiet" }, task.ended ? timeOfDay(task.ended) : ""));
+    if (!fresh) animate(node, [{ opacity: 0 }, { opacity: 1 }]);
+    return node;
+  }
+}
+
+/** All of the tasks panel. */
+export class TasksView {
+  constructor(model, open, act) {
+    this.now = new NowView(model, open);
+    this.queue = new QueueView(model, open, act);
+    this.done = new DoneView(model, open);
+    const measured = byId("tasks_panel");
+    new ResizeObserver(([entry]) => {
+      const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+      this.queue.rowHeight = ("projector" in document.documentElement.dataset ? 1.75 : 2.25) * rem; // --row in style.css
+      if (!this.chosen) byId("done").open = entry.contentRect.height > 34 * rem;
+    }).observe(measured);
+    byId("done").querySelector("summary").addEventListener("click", () => (this.chosen = true));
+  }
+
+  update(changed) {
+    if (!changed.has("tasks")) return;
+    this.now.update();
+    this.queue.update(changed);
+    this.done.update(changed);
+  }
+
+  /** Count the numbers down; a few times a second is enough. */
+  tick() {
+    this.queue.frame();
+  }
+
+  frame() {
+    this.now.frame();
+  }
+}
