@@ -6,7 +6,7 @@ import { callText, meaning, milliseconds, plural, taskText } from "./words.js";
 
 const WINDOW = 10; // seconds that the track shows
 const REBASE = 10; // seconds until the drawing starts again at a new origin
-const BAR = 3; // pixels, the least length of a call
+const BAR = 0.1875; // rem, the least length of a call
 const LONG = 0.1; // seconds; a longer call is drawn as a thin bar, or it would hide the others
 const QUIET = 40; // calls/s above which only notable calls have a line to the server
 const NEAR = 8; // pixels around a call that still count as the call
@@ -42,7 +42,9 @@ export class CallsView {
 
   resize() {
     const { track } = this.lanes;
-    if (this.lanes.resize(track.clientWidth, this.root.clientHeight)) this.redraw();
+    if (!this.lanes.resize(track.clientWidth, this.root.clientHeight)) return;
+    this.redraw();
+    if (!this.stopped) this.showLatest();
   }
 
   x(t) {
@@ -53,6 +55,7 @@ export class CallsView {
   redraw() {
     if (!this.lanes.ready) return;
     this.pixels = this.lanes.width / WINDOW;
+    this.bar = BAR * this.lanes.rem;
     this.origin = this.model.now() - WINDOW;
     this.moving.setAttribute("width", this.lanes.width * 2);
     this.moving.setAttribute("height", this.lanes.height);
@@ -96,11 +99,11 @@ export class CallsView {
       this.open.delete(call.id);
       const x = this.x(call.begin);
       const y = this.lanes.y(call.client);
-      const length = call.ms == null ? this.lanes.width * 2 : Math.max(BAR, (call.ms / 1000) * this.pixels);
+      const length = call.ms == null ? this.lanes.width * 2 : Math.max(this.bar, (call.ms / 1000) * this.pixels);
       if (isNotable(call)) this.addNotable(call, x, y, length);
       else {
         if (call.ms > LONG * 1000) long.push(`M${x.toFixed(1)} ${y}h${length.toFixed(1)}`);
-        plain.push(`M${(call.ms > LONG * 1000 ? x + length - BAR : x).toFixed(1)} ${y}h${(call.ms > LONG * 1000 ? BAR : length).toFixed(1)}`);
+        plain.push(`M${(call.ms > LONG * 1000 ? x + length - this.bar : x).toFixed(1)} ${y}h${(call.ms > LONG * 1000 ? this.bar : length).toFixed(1)}`);
         if ((this.model.stats.per_second ?? 0) < QUIET) links.push(`M${x.toFixed(1)} ${y}V${this.lanes.server}`);
       }
       if (this.isSubmission(call)) queued.push(drawn("path", { class: "submission", d: `M${x.toFixed(1)} ${y}V${this.lanes.queue}` }), drawn("circle", { class: "queued", cx: x, cy: this.lanes.queue, r: this.lanes.rem / 4 }));
@@ -122,7 +125,7 @@ export class CallsView {
     const thick = this.lanes.rem * 0.625;
     const mark = drawn("g", { class: "notable", "data-tone": tone(call), "data-call": call.id, "data-end": call.ms == null ? Infinity : call.begin + call.ms / 1000 });
     mark.append(drawn("path", { class: "link", d: `M${x} ${y}V${this.lanes.server}` }), drawn("rect", { x, y: y - thick / 2, width: length, height: thick, rx: 2 }));
-    if (call.deadline_ms != null && call.state !== "ok") {
+    if (call.deadline_ms != null && (call.state === "open" || call.code === "DEADLINE_EXCEEDED")) {
       const limit = x + (call.deadline_ms / 1000) * this.pixels;
       mark.append(drawn("path", { class: "deadline", d: `M${limit} ${y - thick}v${2 * thick}` }));
     }
@@ -148,7 +151,7 @@ export class CallsView {
     const nodes = list.map((task) => {
       const begin = Math.max(task.started, this.origin - 2 * WINDOW);
       const x = this.x(begin);
-      const width = task.ended ? Math.max(BAR, this.x(task.ended) - x) : this.lanes.width * 3;
+      const width = task.ended ? Math.max(this.bar, this.x(task.ended) - x) : this.lanes.width * 3;
       const room = Math.floor(width / (this.lanes.rem * 0.45));
       const text = `task ${task.task_id} ${taskText(task)}`;
       return drawn("g", { class: "work", "data-state": task.state },

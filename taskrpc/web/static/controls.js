@@ -51,9 +51,10 @@ export class Controls {
     byId("submit").focus();
   }
 
-  /** Call a service; what it answers is shown under the buttons. */
+  /** Call a service; its response is shown over the tasks. */
   async act(verb, request = {}) {
-    if (!this.model.canControl) return this.say("This page is read-only. To control the robot, open it with: taskrpc view", "warn");
+    if (!this.model.hello?.control) return this.say("This page is read-only. To control the robot, open it with: taskrpc view", "warn");
+    if (!this.model.canControl) return this.say("The connection is lost: nothing was sent.", "bad");
     document.documentElement.toggleAttribute("data-busy", true);
     try {
       const response = await fetch(`/control/${verb}`, { method: "POST", headers: { "Content-Type": "application/json", ...authorization(this.token) }, body: JSON.stringify(request) });
@@ -75,7 +76,7 @@ export class Controls {
   }
 
   update(changed) {
-    if (changed.has("hello")) {
+    if (changed.has("hello") && this.model.hello) {
       const places = Object.keys(this.model.hello.map?.places ?? {});
       byId("places").replaceChildren(...places.map((name) => element("option", { value: name })));
     }

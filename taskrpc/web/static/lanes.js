@@ -4,9 +4,10 @@ import { drawn, element, setAttribute, setText } from "./dom.js";
 
 const LANE = 1.75; // rem, the least height of a lane
 const LANE_PROJECTOR = 1.125; // rem, the least height where the text is twice as large
+const LANE_MOST = 4.5; // rem
 const IDLE = 12; // seconds after which a client's lane may go to another client
 
-export const SERVER = "task server";
+export const SERVER = "server";
 export const QUEUE = "queue";
 export const ROBOT = "robot";
 
@@ -69,18 +70,19 @@ export class Lanes {
     this.layout();
   }
 
-  /** Move clients that have no room into the lane of the others. */
+  /** Give each client a lane; if there are too many, the last lane is for all that have none. */
   makeRoom() {
-    if (this.clients.length + (this.others.size ? 1 : 0) <= this.most) return;
-    for (const { name, seen } of this.clients.splice(this.most - 1)) this.others.set(name, seen);
+    const all = [...this.clients, ...[...this.others].map(([name, seen]) => ({ name, seen }))];
+    this.clients = all.length <= this.most ? all : all.slice(0, this.most - 1);
+    this.others = new Map(all.slice(this.clients.length).map(({ name, seen }) => [name, seen]));
   }
 
   /** Forget the clients without a lane that are idle. */
   forget(now) {
     if (!this.others.size) return;
     for (const [name, seen] of this.others) if (now - seen > IDLE) this.others.delete(name);
-    if (this.others.size) this.countOthers();
-    else this.layout();
+    if (this.others.size) return this.countOthers();
+    this.layout();
   }
 
   countOthers() {
@@ -94,7 +96,7 @@ export class Lanes {
     rows.push([SERVER, "server"], [QUEUE, "queue"], [ROBOT, "robot"]);
     this.rows = rows;
     if (!this.height) return;
-    this.lane = this.height / rows.length;
+    this.lane = Math.min(this.height / rows.length, LANE_MOST * this.rem);
     this.index = new Map(this.clients.map((client, i) => [client.name, i]));
     const fixed = rows.length - 3;
     this.server = this.middle(fixed);

@@ -148,7 +148,7 @@ export class MapView {
 
   update(changed) {
     if (changed.has("hello")) return this.draw();
-    if (changed.has("robot")) this.updateText();
+    if (changed.has("robot") || changed.has("connection")) this.updateText();
     if (!this.scale) return;
     if (changed.has("path")) {
       const list = this.model.path.points;
@@ -169,7 +169,8 @@ export class MapView {
       for (const node of [this.motion, this.pose]) setText(node, "");
       return;
     }
-    setText(this.motion, robot.moving ? "moving" : "standing");
+    const isStale = ["lost", "asleep"].includes(this.model.connection.state);
+    setText(this.motion, isStale ? "last known" : robot.moving ? "moving" : "standing");
     setAttribute(this.motion, "data-moving", robot.moving);
     setText(this.pose, `x ${robot.x.toFixed(2)}  y ${robot.y.toFixed(2)}  ${degrees(robot.theta)}`);
     if (robot.odometer != null) setText(this.odometer, `${robot.odometer.toFixed(1)} m driven`);

@@ -45,7 +45,7 @@ export class Model {
   /** Forget all state except the server's greeting: after a restart, or a jump in a recording. */
   reset() {
     this.tasks = null;
-    this.tasks_at = 0; // the server's time of the newest `tasks` event
+    this.tasks_at = 0; // the server's time of the newest `tasks` event; estimates count from it
     this.robot = null;
     this.poses = [];
     this.trail = [];
@@ -100,7 +100,7 @@ export class Model {
 
   apply_tasks(data, t) {
     this.tasks = data;
-    this.tasks_at = t ?? this.now();
+    this.tasks_at = data.t ?? t ?? this.now();
   }
 
   apply_robot(data, t) {

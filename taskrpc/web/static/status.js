@@ -36,7 +36,7 @@ export class StatusView {
       document.title = `${server.service} · taskrpc`;
     }
     if (changed.has("connection") || changed.has("hello")) this.showConnection();
-    if (changed.has("calls")) this.showStats();
+    if (changed.has("calls") || changed.has("connection")) this.showStats();
   }
 
   tick() {
@@ -66,7 +66,8 @@ export class StatusView {
   }
 
   showStats() {
-    const { stats } = this.model;
+    const isStale = ["lost", "asleep"].includes(this.model.connection.state);
+    const stats = isStale ? {} : this.model.stats; // a figure that stands still would look live
     const texts = { per_second: stats.per_second?.toFixed(stats.per_second < 10 ? 1 : 0), p50_ms: milliseconds(stats.p50_ms), p99_ms: milliseconds(stats.p99_ms), errors: stats.errors, open: stats.open };
     for (const [name, node] of Object.entries(this.stats)) setText(node, String(texts[name] ?? "–"));
     setAttribute(this.stats.errors, "data-tone", stats.errors ? "bad" : null);

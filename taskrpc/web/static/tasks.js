@@ -62,7 +62,8 @@ class NowView {
     setStyle(this.fill, "transform", `scaleX(${share.toFixed(3)})`);
     setAttribute(this.bar, "aria-valuenow", percent);
     const left = this.model.timeLeft(task);
-    const rest = task.state === "RUNNING" ? `done in ${wholeSeconds(left)}` : task.state === "PAUSED" ? `${wholeSeconds(left)} of work left` : "the robot is about to halt";
+    const unit = this.model.speed === 1 ? "" : " of robot time";
+    const rest = task.state === "RUNNING" ? `done in ${wholeSeconds(left)}${unit}` : task.state === "PAUSED" ? `${wholeSeconds(left)} of work left` : "the robot is about to halt";
     setText(this.text, `${percent} %   ${rest}`);
   }
 }
@@ -113,6 +114,14 @@ class Row {
   }
 }
 
+/** Return the priority that brings a task nearest to a place of the queue; 0 is the first place. */
+export function priorityAt(queue, task, place) {
+  const others = queue.filter((each) => each !== task);
+  const landing = (priority) => others.filter((each) => each.priority > priority || (each.priority === priority && each.submitted < task.submitted)).length;
+  const cost = (priority) => Math.abs(landing(priority) - place) + Math.abs(priority - task.priority) / 100;
+  return [1, 2, 3, 4, 5, 6, 7, 8, 9, 10].reduce((best, priority) => (cost(priority) < cost(best) ? priority : best));
+}
+
 /** The queue as a grid: one row a task, moved by arrow keys and by the server. */
 class QueueView {
   constructor(model, open, act) {
@@ -123,13 +132,47 @@ class QueueView {
     this.cause = byId("next_cause"); // the newest reason; shown where the rows have no room for it
     this.empty = byId("queue_empty");
     this.rows = new Map(); // task_id -> Row
+    this.dropped = false; // whether the mouse has just dropped a row
     this.explained = -Infinity; // the server's time of the newest reason that was shown
     this.empty.append(element("p", {}, "No task waits. Try:"), command(EXAMPLE));
     this.root.addEventListener("click", (event) => this.clicked(event, open, act));
+    this.root.addEventListener("pointerdown", (event) => this.grabbed(event, act));
     this.root.addEventListener("focusin", (event) => this.focused(event.target.closest(".row")));
   }
 
+  /** Let the mouse drag a row to another place: this changes the priority of its task. */
+  grabbed(event, act) {
+    const node = event.target.closest(".row");
+    if (!node || event.button || event.pointerType !== "mouse" || event.target.closest("button") || !this.model.canControl) return;
+    const row = this.rows.get(Number(node.dataset.task));
+    const stop = new AbortController();
+    let priority = null;
+    const move = ({ clientY }) => {
+      const by = clientY - event.clientY;
+      if (priority === null && Math.abs(by) < 6) return;
+      const place = Math.max(0, Math.min(this.rows.size - 1, row.index + Math.round(by / this.rowHeight)));
+      priority = priorityAt(this.model.tasks.queue, row.task, place);
+      node.classList.add("dragged");
+      node.style.transform = `translateY(${by}px)`;
+      setText(row.priority, String(priority));
+    };
+    const drop = () => {
+      stop.abort();
+      node.classList.remove("dragged");
+      node.style.transform = "";
+      if (priority === null) return;
+      this.dropped = true; // the click that follows is no wish for the details
+      setText(row.priority, String(row.task.priority));
+      if (priority !== row.task.priority) act("reprioritise", { task_id: row.task.task_id, priority });
+    };
+    addEventListener("pointermove", move, { signal: stop.signal });
+    for (const name of ["pointerup", "pointercancel"]) addEventListener(name, drop, { signal: stop.signal });
+  }
+
   clicked(event, open, act) {
+    const wasDropped = this.dropped;
+    this.dropped = false;
+    if (wasDropped) return;
     const row = event.target.closest(".row");
     const task = row && this.rows.get(Number(row.dataset.task))?.task;
     if (!task) return;
@@ -165,7 +208,7 @@ class QueueView {
     const isEmpty = queue.length === 0;
     this.root.hidden = isEmpty;
     this.empty.hidden = !isEmpty || !tasks;
-    setText(this.head, tasks ? (isEmpty ? "" : `${tasks.queued} queued${tasks.paused ? ", paused" : ""}`) : "");
+    setText(this.head, tasks ? (isEmpty ? "" : `${tasks.queued} queued${tasks.paused ? ", paused" : ""}${this.model.speed === 1 ? "" : ", times in robot seconds"}`) : "");
     setText(this.more, tasks?.more ? `and ${plural(tasks.more, "more task")}` : "");
     this.arrange(queue, changed.has("reset"));
     if (tasks) this.explain(tasks.moves, changed.has("reset"));
@@ -272,7 +315,7 @@ export class TasksView {
     const measured = byId("tasks_panel");
     new ResizeObserver(([entry]) => {
       const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
-      this.queue.rowHeight = ("projector" in document.documentElement.dataset ? 1.75 : 2.25) * rem; // --row in style.css
+      this.queue.rowHeight = parseFloat(getComputedStyle(document.documentElement).getPropertyValue("--row")) * rem;
       if (!this.chosen) byId("done").open = entry.contentRect.height > 34 * rem;
     }).observe(measured);
     byId("done").querySelector("summary").addEventListener("click", () => (this.chosen = true));
