@@ -1,7 +1,7 @@
 // The buttons: each one calls a public service of the task server through POST /control/VERB.
 
 import { authorization } from "./connection.js";
-import { byId, drawn, element, icon, setAttribute, setText } from "./dom.js";
+import { byId, element, icon, setAttribute, setText } from "./dom.js";
 import { duration, refusal } from "./words.js";
 
 const SHOWN = 8000; // milliseconds that a response stays
