@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading locked bytes
 _LONGEST_HOLD, _LOCK_RETRY = 10.0, 0.002  # seconds; how long and how often to try a Windows lock
 _HELD = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)  # errors for a lock that another process has
+_KEY_POLL = 0.1  # seconds between two looks at the keys of a Windows console
 _NO_LIMIT = 2**20
 _LONGEST_TEXT = 16 * 2**20  # bytes
 _NO_SUCH_PROCESS = 87  # Windows' ERROR_INVALID_PARAMETER: no process has this id
@@ -454,3 +455,70 @@ def is_stopped(pid: int) -> bool:
             command = ["ps", "-o", "stat=", "-p", str(pid)]
             return subprocess.run(command, capture_output=True, check=False).stdout[:1] == b"T"
     return False
+
+
+@contextlib.contextmanager
+def keys_pressed(pressed: Callable[[str], object]) -> Iterator[None]:
+    """Call `pressed` on the running event loop for each key, while the block runs.
+
+    Keys are not shown. Without a terminal on stdin, and in the background, the block just runs.
+    Ctrl-C stays a signal. The terminal is restored at the end.
+    """
+    try:
+        descriptor = sys.stdin.fileno() if sys.stdin.isatty() else -1
+    except (AttributeError, OSError, ValueError):  # stdin is closed
+        descriptor = -1
+    if descriptor < 0:
+        yield
+        return
+    with _keys_read(descriptor, pressed):
+        yield
+
+
+if sys.platform == "win32":
+
+    @contextlib.contextmanager
+    def _keys_read(descriptor: int, pressed: Callable[[str], object]) -> Iterator[None]:
+        import asyncio
+        import msvcrt
+
+        async def read() -> None:
+            while True:  # the console has no event that asyncio can wait for
+                while msvcrt.kbhit():
+                    pressed(msvcrt.getwch())
+                await asyncio.sleep(_KEY_POLL)
+
+        reading = asyncio.get_running_loop().create_task(read())
+        try:
+            yield
+        finally:
+            reading.cancel()
+
+else:
+
+    @contextlib.contextmanager
+    def _keys_read(descriptor: int, pressed: Callable[[str], object]) -> Iterator[None]:
+        import asyncio
+        import termios
+        import tty
+
+        if os.tcgetpgrp(descriptor) != os.getpgrp():  # changing the terminal would stop us
+            yield
+            return
+        loop = asyncio.get_running_loop()
+
+        def read() -> None:
+            typed = os.read(descriptor, 64)
+            if not typed:  # the terminal is gone
+                loop.remove_reader(descriptor)
+            for key in typed.decode(errors="ignore"):
+                pressed(key)
+
+        before = termios.tcgetattr(descriptor)
+        try:
+            tty.setcbreak(descriptor, termios.TCSANOW)
+            loop.add_reader(descriptor, read)
+            yield
+        finally:
+            loop.remove_reader(descriptor)
+            termios.tcsetattr(descriptor, termios.TCSADRAIN, before)

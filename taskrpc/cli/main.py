@@ -39,6 +39,7 @@ _GROUPS = {
         "run": "Run a ROS 2 program without ROS",
         "bridge": "Connect browsers and other programs without taskrpc",
         "demo": "Watch a task server, three clients and a robot at work",
+        "top": "Watch nodes, services, calls, the queue and the robot live",
         "doctor": "Find out why something does not work",
         "ps": "List your taskrpc processes on this machine",
         "stop": "End your taskrpc processes on this machine",
@@ -81,7 +82,7 @@ _ELSEWHERE = {
 }
 """Commands of ros2 that taskrpc does not have, and what to do instead."""
 
-_IN_FOLDERS = frozenset("classroom demo doctor param pkg service task topic".split())
+_IN_FOLDERS = frozenset("classroom demo doctor param pkg service task top topic".split())
 """Commands of several modules: the module `command_line` of the folder has `configure`."""
 
 

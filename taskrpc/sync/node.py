@@ -30,7 +30,7 @@ from taskrpc.security.roles import Role
 from taskrpc.service import Callback, Service
 from taskrpc.sync.loop_thread import SLICE, LoopThread, wait
 from taskrpc.sync.topics import Publisher, Subscription, Timer
-from taskrpc.transport.base import OnDone, OnMismatch
+from taskrpc.transport.base import OnDone, OnMismatch, ProgramStatistics
 from taskrpc.transport.discovery.entries import RegistryEntry
 
 if TYPE_CHECKING:
@@ -245,6 +245,13 @@ class Node:
     def graph(self) -> list[RegistryEntry]:
         """Return every process that this node can see, with its nodes, services and topics."""
         return self._loop.run(self._node.graph(), "graph()")
+
+    def statistics(self, timeout: float = 2.0) -> list[ProgramStatistics]:
+        """Return the calls of every other program that this node can see, as `taskrpc top` does.
+
+        The programs measure their calls from now on, until this node disconnects from them.
+        """
+        return self._loop.run(self._node.statistics(timeout), "statistics()")
 
     def spin(self) -> None:
         """Serve until Ctrl-C or SIGTERM, then finish the calls in flight; a second signal ends

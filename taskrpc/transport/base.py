@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
 
     from taskrpc.observer import Connections, Observer
+    from taskrpc.wire.statistics import Statistics
 
 
 class Mode(IntEnum):
@@ -232,6 +233,16 @@ class Channel(Protocol):
         """Close the channel; calls in flight still get their responses."""
 
 
+class ProgramStatistics(msgspec.Struct, frozen=True):
+    """What a program is, and what it says about its calls."""
+
+    entry: RegistryEntry
+    statistics: Statistics | None
+    """None if the program offers nothing, and if there is a problem."""
+    problem: str = ""
+    """Why the program does not answer or has no statistics; "" if it offers nothing."""
+
+
 OnMismatch: TypeAlias = Callable[[str], object]
 """Called on the event loop with the difference: `TYPE`, `RELIABILITY` or `DURABILITY`."""
 
@@ -351,6 +362,12 @@ class Transport(Protocol):
 
     async def graph(self) -> list[RegistryEntry]:
         """Return the entries of all processes that this one can see."""
+
+    async def statistics(self, timeout: float) -> list[ProgramStatistics]:
+        """Return the statistics of every other process that this one can see.
+
+        The processes measure their calls from now on, until this one disconnects.
+        """
 
     async def definition(self, name: str) -> tuple[str, str]:
         """Return a service's type and the full text of its definition, from its server."""

@@ -22,7 +22,7 @@ from taskrpc.errors import (
 )
 from taskrpc.request_ids.ids import RequestCounters
 from taskrpc.security.roles import Role
-from taskrpc.transport.base import Offer
+from taskrpc.transport.base import Offer, ProgramStatistics
 from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection.client_side import CallingConnection
@@ -37,10 +37,17 @@ from taskrpc.transport.limits.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.limits.log_throttling import LimitedLog
 from taskrpc.transport.network import Address, Network
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve, ServiceEndpoint, TopicEndpoint
+from taskrpc.wire.messages import (
+    DEFAULT_LIMITS,
+    Listing,
+    Resolve,
+    ServiceEndpoint,
+    TopicEndpoint,
+)
 
 if TYPE_CHECKING:
     from taskrpc.observer import Connections
+    from taskrpc.transport.connection.call_meter import CallMeter
     from taskrpc.transport.connection.server_side import ServingConnection
     from taskrpc.transport.limits.admission import Admission
     from taskrpc.transport.limits.backpressure import Backpressure
@@ -48,6 +55,7 @@ if TYPE_CHECKING:
     from taskrpc.transport.pubsub.endpoint_topics import Topics
     from taskrpc.transport.pubsub.publishing import LocalPublisher
     from taskrpc.transport.pubsub.subscribing import LocalSubscription
+    from taskrpc.wire.statistics import Statistics
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -99,6 +107,8 @@ class Endpoint(ThreadHandoff):
         """Set when the endpoint begins to listen, as `calls_in_flight` is: many only call."""
         self.calls_in_flight: CallsInFlight
         self.refusals = LimitedLog(log)
+        self.meter: CallMeter | None = None
+        """Measures the calls while other programs watch this one; else None."""
         self._offers = OfferTable()
         self.offers = self._offers.by_method
         """The offers by method id."""
@@ -216,6 +226,17 @@ class Endpoint(ThreadHandoff):
                 return resolved.type_name, resolved.definition
         raise problem
 
+    async def statistics(self, timeout: float) -> list[ProgramStatistics]:
+        """Return the statistics of every other process that this one can see.
+
+        `timeout`: seconds for all of them together.
+        """
+        from taskrpc.transport.watching import read_statistics  # few programs need it
+
+        own = self._own_entry.entry()
+        entries = [each for each in self.network.entries() if each is not own]
+        return await read_statistics(self.network, self.dialler, entries, timeout)
+
     def traffic(self) -> tuple[str, Connections, Connections]:
         """Return this endpoint's id, and the counts of accepted and of dialled connections."""
         dialled = self._dialled_traffic.counts(self.dialler.connections)
@@ -263,6 +284,34 @@ class Endpoint(ThreadHandoff):
             list(entry.subscriptions),
         )
 
+    def statistics_for(self, watcher: ServingConnection) -> Statistics:
+        """Return what the meter has measured; it measures until the watchers have left."""
+        if self.meter is None:
+            from taskrpc.transport.connection.call_meter import CallMeter  # rarely needed
+
+            self.meter = CallMeter(self.now)
+        if watcher not in self.meter.watchers:
+            self.meter.watchers[watcher] = None
+            self._measure()
+        measured = [each for each in self._served if each not in self.meter.watchers]
+        calls = [call for each in measured for call in each.session.open_tickets()]
+        services = [offer.name for offer in self.offers.values()]
+        return self.meter.statistics(services, calls, len(measured), time.process_time())
+
+    def _watcher_left(self, watcher: ServingConnection) -> None:
+        meter = self.meter
+        if (
+            meter is not None
+            and meter.watchers.pop(watcher, watcher) is None
+            and not meter.watchers
+        ):
+            self.meter = None
+            self._measure()
+
+    def _measure(self) -> None:
+        for connection in self._served:
+            connection.measure()
+
     def caller_proved(self, connection: ServingConnection) -> None:
         """Count a connection as authenticated: its handshake is done."""
         if self._admission is not None:
@@ -287,6 +336,7 @@ class Endpoint(ThreadHandoff):
         if connection.serves:
             served = cast("ServingConnection", connection)
             self._served.pop(served, None)
+            self._watcher_left(served)
             if self._admission is not None:
                 self._admission.left(served)
         elif isinstance(connection, CallingConnection):

@@ -192,6 +192,10 @@ class MemoryNetwork:
         """Return an empty list: all endpoints are in the hub."""
         return []
 
+    def address_of(self, entry: RegistryEntry) -> Address:
+        """The address of an endpoint of this loop."""
+        return Address(entry.address, bytes.fromhex(entry.token))
+
     def mark(self) -> object:
         """The present state of the hub, for `changed`."""
         return self._hub.revision

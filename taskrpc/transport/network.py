@@ -90,6 +90,9 @@ class Network(Protocol):
     def peers(self) -> list[Address]:
         """Processes that are not in the registry and must be asked directly."""
 
+    def address_of(self, entry: RegistryEntry) -> Address:
+        """The address of the process of an entry that `entries` returned."""
+
     def mark(self) -> object:
         """The present state of the registry, for `changed`."""
 

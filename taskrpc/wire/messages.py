@@ -14,6 +14,9 @@ from taskrpc.wire.frames import Body
 VERSION = 1
 """The protocol version that this code speaks."""
 
+STATISTICS = "?statistics"
+"""The name in a RESOLVE that asks for `Statistics`; no service can have it."""
+
 Name = Annotated[str, Meta(max_length=512, pattern=r"^[^\x00-\x1f\x7f-\x9f]*\Z")]
 """Without control characters, because names are printed in logs and on terminals."""
 Id = Annotated[bytes, Meta(min_length=16, max_length=16)]
@@ -69,7 +72,8 @@ class Auth(msgspec.Struct, array_like=True):
 class Resolve(msgspec.Struct, array_like=True):
     """RESOLVE: asks for the method id of a service with this name and type hash.
 
-    With an empty hash, the server does not compare the types. An empty name asks for a `Listing`.
+    With an empty hash, the server does not compare the types. An empty name asks for a `Listing`,
+    and the name `STATISTICS` for `taskrpc.wire.statistics.Statistics`.
     """
 
     name: Name
@@ -146,7 +150,8 @@ class ErrorBody(msgspec.Struct, array_like=True):
     path: str = ""
 
 
-def _decoder(cls: type[_Struct]) -> Callable[[Body], _Struct]:
+def decoder(cls: type[_Struct]) -> Callable[[Body], _Struct]:
+    """Return a function that decodes a body; for an invalid body it raises only ProtocolError."""
     decode = msgspec.msgpack.Decoder(cls).decode
 
     def decoded(body: Body) -> _Struct:
@@ -162,15 +167,15 @@ def _decoder(cls: type[_Struct]) -> Callable[[Body], _Struct]:
 encode = msgspec.msgpack.Encoder().encode
 
 # Each raises ProtocolError for an invalid body, and no other error.
-decode_hello = _decoder(Hello)
-decode_hello_ack = _decoder(HelloAck)
-decode_auth = _decoder(Auth)
-decode_resolve = _decoder(Resolve)
-decode_resolved = _decoder(Resolved)
-decode_listing = _decoder(Listing)
-decode_subscription = _decoder(TopicEndpoint)
-decode_announcement = _decoder(Announcement)
-decode_error = _decoder(ErrorBody)
+decode_hello = decoder(Hello)
+decode_hello_ack = decoder(HelloAck)
+decode_auth = decoder(Auth)
+decode_resolve = decoder(Resolve)
+decode_resolved = decoder(Resolved)
+decode_listing = decoder(Listing)
+decode_subscription = decoder(TopicEndpoint)
+decode_announcement = decoder(Announcement)
+decode_error = decoder(ErrorBody)
 
 
 SPAN_SIZE = 25

@@ -185,8 +185,8 @@ class CallingConnection(Connection):
     def resolve(
         self, question: messages.Resolve, deadline: float | None, *, definition: bool = False
     ) -> OpenCall:
-        """Ask for a service (gives `Resolved`), or with an empty name for a `Listing`."""
-        decode = messages.decode_resolved if question.name else messages.decode_listing
+        """Ask for a service (gives `Resolved`); see `Resolve` for the names of other questions."""
+        decode = _other_response(question.name) or messages.decode_resolved
         call = OpenCall(self.owner.loop.create_future(), self, decode, deadline)
         if self.is_open:
             if deadline is not None and deadline < self.check_before:
@@ -370,3 +370,14 @@ def _bad_answer(error: Exception) -> TaskRpcError:
 
 def _lost_unsent() -> ConnectionLost:
     return ConnectionLost("the connection was lost before the call was sent", not_executed=True)
+
+
+def _other_response(name: str) -> Callable[[Body], Any] | None:
+    """Return the decoder for a RESOLVE that does not ask for a service; None if it does."""
+    if not name:
+        return messages.decode_listing
+    if name != messages.STATISTICS:
+        return None
+    from taskrpc.wire.statistics import decode_statistics  # only `taskrpc top` needs it
+
+    return decode_statistics

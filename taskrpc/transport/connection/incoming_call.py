@@ -180,6 +180,11 @@ def route_to(offer: Offer, method: int, caller: str, account: str, role: Role) -
     return Route(method, offer, caller, decode, response.encode, call_class(offer), split_id)
 
 
+def rerouted(route: Route, offer: Offer) -> Route:
+    """The same route with another observer; calls in flight keep the former one."""
+    return msgspec.structs.replace(route, offer=offer, call=call_class(offer))
+
+
 def denied(offer: Offer, account: str, held: Role) -> Callable[[Body], Any]:
     """The `decode` of a route whose caller may see the service but not call it."""
     needed = offer.role.name.lower()

@@ -24,6 +24,7 @@ from taskrpc.transport.connection.incoming_call import (
     Route,
     mismatch,
     refused,
+    rerouted,
     resolved,
     route_to,
 )
@@ -46,10 +47,13 @@ from taskrpc.wire.events import (
 )
 from taskrpc.wire.frames import NO_DEADLINE, Flag
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.messages import Listing, cut_span
+from taskrpc.wire.messages import STATISTICS, Listing, cut_span
 
 if TYPE_CHECKING:
     from itertools import count
+
+    from taskrpc.transport.connection.call_meter import CallMeter
+    from taskrpc.wire.statistics import Statistics
 
 log = logging.getLogger("taskrpc.server")
 _accounts_log = logging.getLogger("taskrpc.transport")
@@ -119,6 +123,12 @@ class ServerContext(Owner, Protocol):
 
     def listing(self) -> Listing:
         """Everything that this process offers."""
+
+    meter: CallMeter | None
+    """Measures the calls while other programs watch; else None."""
+
+    def statistics_for(self, watcher: ServingConnection) -> Statistics:
+        """Return what the meter has measured; it measures until the watchers have left."""
 
     def caller_proved(self, connection: ServingConnection) -> None:
         """Count a connection whose caller has proved its identity."""
@@ -422,6 +432,9 @@ class ServingConnection(Connection):
         if not question.name:
             self.session.respond(event.call_id, messages.encode(self.server.listing()))
             return
+        if question.name == STATISTICS:
+            self.session.respond(event.call_id, messages.encode(self.server.statistics_for(self)))
+            return
         method = self.server.method_of(question.name)
         offer = self.server.offers.get(method)
         store_id = offer.store_id() if offer is not None and offer.store_id is not None else None
@@ -438,7 +451,8 @@ class ServingConnection(Connection):
             self.session.fail(event.call_id, error)
             self.drain()
         else:
-            handle = self._handle(method, offer, question.caller or self.caller)
+            caller = question.caller or self.caller
+            handle = self._handle(method, self._measured(offer), caller)
             try:
                 body = resolved(handle, offer, store_id, with_definition=event.with_definition)
             except TaskRpcError as error:
@@ -475,6 +489,17 @@ class ServingConnection(Connection):
         if handle not in self._routes:
             self._routes[handle] = route_to(offer, method, caller, self.principal, self.role)
         return handle
+
+    def measure(self) -> None:
+        """Begin or end the measuring of later calls, as the server's meter says."""
+        for handle, route in self._routes.items():
+            if (offer := self.server.offers.get(route.method)) is not None:
+                self._routes[handle] = rerouted(route, self._measured(offer))
+
+    def _measured(self, offer: Offer) -> Offer:
+        """The offer as this connection's routes need it: with the meter while it measures."""
+        meter = self.server.meter
+        return offer if meter is None or self in meter.watchers else meter.measured(offer)
 
     def _report_refusal(self, method: int, error: TaskRpcError) -> None:
         """Report a request to observers that was refused before it became a call."""

@@ -211,6 +211,10 @@ class TcpNetwork:
             known = {place: replace(each, token=given) for place, each in known.items()}
         return [known.get(place) or Address(place, given) for place in self._peers]
 
+    def address_of(self, entry: RegistryEntry) -> Address:
+        """The address of a process in the registry."""
+        return _address(entry)
+
     def mark(self) -> object:
         """The state of the registry, at most half a `POLL` old, for `changed`."""
         # An old mark is safe: at worst, the caller looks at the registry once too often.

@@ -1,0 +1,134 @@
+"""Reads what `taskrpc top` shows: statistics of programs, queues and poses of task servers."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import srvgen
+from taskrpc.cli.shared.command import is_mistake
+from taskrpc.cli.shared.graph import domains
+from taskrpc.cli.task.view import printable, work_of
+from taskrpc.cli.top.model import History, Pose, TaskRow, TaskServerRow, View
+from taskrpc.qos import QoS
+from taskrpc.transport.base import ProgramStatistics
+from taskrpc.transport.tcp.tcp_network import domain_id
+
+if TYPE_CHECKING:
+    from taskrpc.client import Client
+    from taskrpc.node import Node
+    from taskrpc.topic import Subscription
+
+_TASK_SERVICE = "my_robot_interfaces/srv/RobotTask"
+_LIST_TASKS = "taskrpc_interfaces/srv/ListTasks"
+_MOST_TASKS = 50  # tasks that are read; more do not fit on a terminal
+_MOST_SERVERS = 4  # task servers that are read
+_LONGEST = 2.0  # seconds that programs get to answer
+
+
+class Reader:
+    """Reads all programs that a node sees.
+
+    Args:
+        node: a started node; the caller closes it.
+        place: the address of the only program to watch, "" for those of this machine.
+        period: seconds between two readings. Silent programs delay a reading for at most 0.8 of it.
+        hidden: whether services and nodes with hidden names are shown.
+    """
+
+    def __init__(self, node: Node, *, place: str, period: float, hidden: bool) -> None:
+        self.programs: list[ProgramStatistics] = []
+        """The last reading."""
+        self._node = node
+        self._place = place
+        self._timeout = min(_LONGEST, max(0.2, 0.8 * period))
+        self._history = History(hidden=hidden)
+        self._task_servers: dict[str, _TaskServer] = {}
+
+    async def read(self) -> View:
+        """Ask all programs, and return what they show together with the earlier readings."""
+        self.programs = await self._node.statistics(self._timeout)
+        self._history.add(self.programs)
+        servers = self._servers(self.programs)
+        rows = await asyncio.gather(*(each.read() for each in servers))
+        is_alone = not self._place and not any(each.entry.nodes for each in self.programs)
+        return self._history.view(
+            time.time(),
+            domain=domain_id(),
+            place=self._place,
+            task_servers=rows,
+            elsewhere=domains() if is_alone else (),
+        )
+
+    def _servers(self, programs: Sequence[ProgramStatistics]) -> list[_TaskServer]:
+        """Return the task servers that answered just now, sorted by name."""
+        found = sorted({name for each in programs for name in _task_services(each)})
+        for name in set(self._task_servers).difference(found):
+            self._task_servers.pop(name).close()
+        for name in found[:_MOST_SERVERS]:
+            if name not in self._task_servers:
+                self._task_servers[name] = _TaskServer(self._node, name, self._timeout)
+        return [self._task_servers[name] for name in found[:_MOST_SERVERS]]
+
+
+class _TaskServer:
+    """Reads one task server: calls its list, and subscribes to the robot's pose."""
+
+    def __init__(self, node: Node, service: str, timeout: float) -> None:
+        self._service = service
+        self._timeout = timeout
+        self._pose: Pose | None = None
+        self._type: Any = srvgen.load(_LIST_TASKS)
+        self._client: Client[Any, Any] = node.create_client(self._type, f"{service}/list")
+        latest = QoS(1, durability="transient_local")
+        pose = srvgen.load("geometry_msgs/msg/PoseStamped")
+        self._subscription: Subscription[Any] = node.create_subscription(
+            pose, f"{service}/pose", self._moved, latest, on_mismatch=lambda _: None
+        )
+
+    def close(self) -> None:
+        """Forget the server."""
+        self._client.destroy()
+        self._subscription.destroy()
+
+    async def read(self) -> TaskServerRow:
+        """Return the queue and the robot; a row with a problem if the server does not answer."""
+        try:
+            request = self._type.Request(limit=_MOST_TASKS)
+            response = await self._client.call(request, timeout=self._timeout)
+        except Exception as error:
+            if not is_mistake(error):
+                raise
+            return TaskServerRow(self._service, problem=printable(str(error)))
+        tasks = tuple(_task_row(task) for task in response.tasks)
+        return TaskServerRow(self._service, response.paused, response.queued, tasks, self._pose)
+
+    def _moved(self, message: Any) -> None:
+        position, orientation = message.pose.position, message.pose.orientation
+        theta = 2 * math.atan2(orientation.z, orientation.w)
+        self._pose = Pose(position.x, position.y, theta)
+
+
+def _task_services(program: ProgramStatistics) -> Iterable[str]:
+    """Return the names under which a program accepts tasks."""
+    if program.statistics is None:
+        return
+    types = {each.name: each.type_name for each in program.entry.services}
+    for name, type_name in types.items():
+        if type_name == _TASK_SERVICE and types.get(f"{name}/list") == _LIST_TASKS:
+            yield name
+
+
+def _task_row(task: Any) -> TaskRow:
+    return TaskRow(
+        task.task_id,
+        work_of(task),
+        task.priority,
+        task.state,
+        task.progress,
+        task.estimated_time,
+        printable(task.client),
+    )
