@@ -72,7 +72,8 @@ class Tabs:
 
     def __init__(self, browser: webdriver.Chrome) -> None:
         self._browser = browser
-        self._first = browser.current_window_handle
+        self._first = browser.window_handles[0]
+        browser.switch_to.window(self._first)
         self._open: list[Tab] = []
         self._expected: list[str] = []
         self._reports: list[str] = []
@@ -111,7 +112,7 @@ class Tab:
     """One tab. Each method selects it first. An element is named by a CSS selector."""
 
     def __init__(self, browser: webdriver.Chrome, reports: list[str]) -> None:
-        browser.switch_to.new_window("tab")
+        browser.switch_to.new_window("window")  # a tab would be hidden behind the next one
         self._browser = browser
         self._handle = browser.current_window_handle
         self._reports = reports
@@ -262,8 +263,7 @@ class Tab:
         ]
 
     def _select(self) -> None:
-        if self._browser.current_window_handle != self._handle:
-            self._browser.switch_to.window(self._handle)
+        self._browser.switch_to.window(self._handle)
 
     def _command(self, name: str, **parameters: Any) -> Any:
         self._select()

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 
 from tests.browser.chromium import Tabs, chromium
+from tests.browser.live_page import LivePage
+from tests.browser.task_server import Services, TaskServer
 
 FOLDER = Path(__file__).parent
 
@@ -32,3 +34,43 @@ def tabs(browser):
     with Tabs(browser) as tabs:
         yield tabs
         assert tabs.problems() == []
+
+
+@pytest.fixture
+def start_server(tmp_path):
+    """Starts task servers with the options of `TaskServer`, and ends them with the test."""
+    started = []
+
+    def start(*options, **settings):
+        started.append(TaskServer(tmp_path, *options, **settings))
+        return started[-1]
+
+    yield start
+    for server in started:
+        server.end()
+
+
+@pytest.fixture
+def services():
+    """Calls the services of the task server, as the node `ada`."""
+    with Services() as services:
+        yield services
+
+
+@pytest.fixture
+def open_page(tabs):
+    """Opens the live page of a server, with the link for control or with the one that shows."""
+
+    def page(server, *, control=False, query="", **settings):
+        link = control_link() if control else server.url
+        url = link.replace("/#", f"/{query}#") if control else link + query
+        return LivePage(tabs.open(url, **settings)).is_live()
+
+    return page
+
+
+def control_link():
+    """The link for control of the newest server, as `taskrpc view` opens it."""
+    from taskrpc.cli.shared.page_link import noted_links
+
+    return noted_links()[0].control_link

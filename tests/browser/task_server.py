@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import srvgen
-import taskrpc
 from taskrpc import sync
 
 ROOT = Path(__file__).parents[2]
@@ -98,18 +97,29 @@ class Services:
     def __exit__(self, *_: object) -> None:
         self._node.destroy()
 
-    def call(self, verb: str = "", **fields: Any) -> Any:
+    def call(
+        self, verb: str = "", *, timeout: float = PATIENCE, request_id: str = "", **fields: Any
+    ) -> Any:
         """Call the service of a verb such as `/list`, "" for `/robot_task`."""
         if (client := self._clients.get(verb)) is None:
             client = self._node.create_client(srvgen.load(_SERVICES[verb]), f"/robot_task{verb}")
             self._clients[verb] = client
             assert client.wait_for_service(PATIENCE)
         request = srvgen.load(_SERVICES[verb]).Request(**fields)
-        return client.call(request, timeout=PATIENCE, retry=taskrpc.RetryPolicy())
+        return client.call(request, timeout=timeout, request_id=request_id)
 
-    def submit(self, task_type: str = "move", target: str = "warehouse", priority: int = 5) -> int:
+    def submit(
+        self,
+        task_type: str = "move",
+        target: str = "warehouse",
+        priority: int = 5,
+        *,
+        request_id: str = "",
+    ) -> int:
         """Queue a task; returns its number."""
-        response = self.call(task_type=task_type, target=target, priority=priority)
+        response = self.call(
+            task_type=task_type, target=target, priority=priority, request_id=request_id
+        )
         assert response.success, response.message
         return int(response.task_id)
 
