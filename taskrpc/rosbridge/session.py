@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import time
 from collections.abc import Callable, Coroutine, Mapping
 from typing import Any, Protocol, TypeAlias
@@ -30,6 +31,9 @@ MAX_SERVICES = 64
 _MAX_TIMEOUT = 86_400.0
 """The longest deadline of a call, in seconds."""
 
+_REMEMBERED = 10.0
+"""Seconds for which the types of topics are remembered, as in rosbridge_suite."""
+
 _REFUSALS = (TaskRpcError, srvgen.DefinitionError, srvgen.FieldError)
 """Errors whose text tells the client what is wrong."""
 
@@ -49,6 +53,20 @@ class Bridge:
         self.node = node
         self.clients = ServiceClients(node)
         self.rosapi = Rosapi(node, self.clients)
+        self._advertised: dict[str, tuple[str, float]] = {}
+        """The types of topics that clients advertised until they left, and when they left."""
+
+    def remember_type(self, topic: str, type_name: str) -> None:
+        """Keep the type of a topic whose client leaves: ros-mcp reconnects before it publishes."""
+        self._advertised.pop(topic, None)
+        self._advertised[topic] = type_name, asyncio.get_running_loop().time()
+        while len(self._advertised) > MAX_TOPICS:
+            del self._advertised[next(iter(self._advertised))]
+
+    def remembered_type(self, topic: str) -> str:
+        """Return the type with which a client advertised a topic shortly before it left, or ""."""
+        type_name, left = self._advertised.get(topic, ("", -math.inf))
+        return type_name if asyncio.get_running_loop().time() - left < _REMEMBERED else ""
 
 
 class Session:
@@ -127,6 +145,8 @@ class Session:
         for call in list(self._calls):
             call.cancel()
         parts: list[_Part] = [*self._services.values(), *self._subscriptions.values()]
+        for topic, publisher in self._publishers.items():
+            self._bridge.remember_type(topic, publisher.type_name)
         for part in (*parts, *self._publishers.values()):
             part.close()
         self._services.clear()
@@ -275,6 +295,7 @@ class Session:
         topic = self._bridge.node.resolve_topic_name(operation.topic)
         if topic not in self._publishers:
             type_name = (await graph_of(self._bridge.node)).type_of(topic)
+            type_name = type_name or self._bridge.remembered_type(topic)
             if not type_name:
                 problem = f"publish: the type of {topic} is unknown; advertise it first"
                 raise BadOperation(problem, operation.id)

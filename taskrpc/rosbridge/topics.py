@@ -57,7 +57,6 @@ class ClientSubscription:
         topic = node.resolve_topic_name(operation.topic)
         publishers = graph.publishers_of(topic)
         cls = message_class(operation.type or graph.type_of(topic))
-        self.type_name: str = cls._TYPE
         reliable = all(each.reliable for each in publishers)
         latched = bool(publishers) and all(each.latched for each in publishers)
         qos = QoS(
@@ -153,6 +152,7 @@ class ClientPublisher:
     ) -> None:
         topic = node.resolve_topic_name(operation.topic)
         self._cls = message_class(operation.type)
+        self.type_name: str = self._cls._TYPE
         known = graph.type_of(topic)
         if known and known != self._cls._TYPE:
             raise TaskRpcError(f"the topic {topic} has the type {known}, not {operation.type}")

@@ -146,6 +146,18 @@ async def test_topic_that_exists_needs_no_advertise():
         assert "the type of /unknown is unknown" in (await client.next())["msg"]
 
 
+async def test_client_that_reconnects_may_publish_without_advertising_again():
+    async with connected(2) as (_, client, again):
+        await client.send("advertise", **SUBSCRIBE)
+        client.session.close()
+        await again.send("publish", topic="/chatter", msg={"data": "1"})
+        assert again.sent == []
+        again.session.close()
+        await asyncio.sleep(10)
+        await client.send("publish", topic="/chatter", msg={"data": "1"})
+        assert "the type of /chatter is unknown" in (await client.next())["msg"]
+
+
 async def test_latched_message_reaches_later_subscriptions():
     async with connected() as (node, client):
         await client.send("advertise", latch=True, **SUBSCRIBE)

@@ -1,0 +1,162 @@
+"""The rosbridge clients of other projects: roslib in Node, roslibpy, and the tools of ros-mcp."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.javascript.packages import node_modules, program
+
+FOLDER = Path(__file__).parent
+LIMIT = 120.0
+"""Seconds that a client may take; most of them are its imports."""
+TALKER = """\
+import rclpy
+from rclpy.node import Node
+from std_msgs.msg import String
+
+
+class Talker(Node):
+    def __init__(self):
+        super().__init__("talker")
+        self.declare_parameter("speed", 0.5)
+        self.publisher = self.create_publisher(String, "talk", 10)
+
+
+rclpy.init()
+try:
+    rclpy.spin(Talker())
+except rclpy.executors.ExternalShutdownException:
+    pass
+"""
+
+GATEWAYS = ["bridge", "server"]
+"""`taskrpc bridge rosbridge`, and `taskrpc-server --web`."""
+
+
+def started(command, ready):
+    """Start a command of taskrpc; return it, and the rest of the line with the text `ready`."""
+    process = subprocess.Popen([sys.executable, "-m", *command], stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    for line in process.stderr:
+        if ready in line:
+            return process, line.partition(ready)[2].strip()
+    pytest.fail(f"{command} has ended with {process.wait()}")
+
+
+@pytest.fixture(scope="module")
+def ports(tmp_path_factory):
+    """The ports of both gateways, beside a task server and a ROS program with a parameter."""
+    folder = tmp_path_factory.mktemp("rosbridge")
+    (folder / "talker.py").write_text(TALKER, encoding="utf-8")
+    processes = []
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("runtime", "state"):
+            (folder / name).mkdir(mode=0o700)
+        patch.setenv("XDG_RUNTIME_DIR", str(folder / "runtime"))
+        patch.setenv("XDG_STATE_HOME", str(folder / "state"))
+        try:
+            options = ["--db", ":memory:", "--speed", "100", "--web", "127.0.0.1:0"]
+            command = ["taskrpc.cli.server", *options]
+            server, url = started(command, "/metrics at http")
+            processes.append(server)
+            bridge = ["taskrpc", "bridge", "rosbridge", "--listen", "127.0.0.1:0"]
+            process, place = started(bridge, "rosbridge at ws")
+            processes.append(process)
+            talker = [sys.executable, "-m", "taskrpc", "run", str(folder / "talker.py")]
+            processes.append(subprocess.Popen(talker))
+            yield {"server": url.rpartition(":")[2], "bridge": place.rpartition(":")[2]}
+        finally:
+            for process in processes:
+                process.terminate()
+            for process in processes:
+                process.wait(30)
+                if process.stderr is not None:
+                    process.stderr.close()
+
+
+def output_of(*command):
+    """Run a client and return the JSON in the last line of its output."""
+    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT, cwd=FOLDER)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def check_names(found):
+    """Check what a client found out about the network."""
+    assert found["topicType"] == "geometry_msgs/msg/PoseStamped"
+    assert found["topicsForType"] == ["/robot_task/pose"]
+    assert {"/robot_task", "/rosapi/topics", "/talker/get_parameters"} <= set(found["services"])
+    assert found["serviceType"] == "my_robot_interfaces/srv/RobotTask"
+    assert found["servicesForType"] == ["/robot_task"]
+    assert {"/task_server", "/talker", "/rosbridge_websocket"} <= set(found["nodes"])
+    assert "/robot_task/list" in found["nodeServices"]
+    assert "/talker:speed" in found["params"]
+    assert found["request"]["typedefs"][0]["fieldnames"] == ["task_type", "target", "priority"]
+
+
+def check_services(found):
+    """Check the calls of a client, and the calls of its own service."""
+    assert found["submitted"]["success"] is True
+    assert found["submitted"]["message"].startswith("Task queued: move")
+    assert "ServiceUnavailable: no server offers /nothing" in found["unknown"]
+    assert found["sum"] == {"sum": 5}
+    assert "the service failed" in found["failed"]
+    assert "ServiceUnavailable" in found["gone"]
+
+
+@pytest.mark.parametrize("gateway", GATEWAYS)
+@pytest.mark.parametrize("package", ["roslib", "roslib-1"])
+def test_roslib_in_node(ports, package, gateway):
+    node, modules = program("node", package="nodejs"), node_modules()
+    url = f"ws://127.0.0.1:{ports[gateway]}"
+    found = output_of(node, str(FOLDER / "roslib_client.mjs"), str(modules), package, url)
+    check_names(found)
+    check_services(found)
+    assert "/robot_task/pose" in found["topics"]["topics"]
+    assert found["invalid"].startswith("FieldError: priority: expected int32")
+    assert found["actions"] == []
+    assert found["decoded"]["position"] == {"x": "float64", "y": "float64", "z": "float64"}
+    assert found["chatter"] == ["one", "two", "Zürich ☃"]
+    assert found["pose"]["header"]["frame_id"] == "map"
+    assert found["parameter"] == 2
+
+
+@pytest.mark.parametrize("transport", ["twisted", "asyncio"])
+def test_roslibpy(ports, transport):
+    script = str(FOLDER / "roslibpy_client.py")
+    found = output_of(sys.executable, script, ports["bridge"], transport)
+    check_names(found)
+    check_services(found)
+    assert "/robot_task/pose" in found["topics"]
+    assert abs(found["late"]) < 30
+    assert found["definition"]["typedefs"][0]["fieldnames"] == ["position", "orientation"]
+    assert found["chatter"] == ["one", "two", "Zürich ☃"]
+    assert found["parameter"] == 2
+
+
+def test_tools_of_ros_mcp(ports):
+    found = output_of(sys.executable, str(FOLDER / "ros_mcp_client.py"), ports["bridge"])
+    assert "warning" not in found["connected"]
+    assert "/robot_task/pose" in found["topics"]["topics"]
+    assert found["topic"]["type"] == "geometry_msgs/msg/PoseStamped"
+    assert found["topic"]["publishers"] == ["/task_server"]
+    assert "/robot_task" in found["services"]["services"]
+    assert found["service"]["type"] == "my_robot_interfaces/srv/RobotTask"
+    assert "/task_server" in found["nodes"]["nodes"]
+    assert "/robot_task" in found["node"]["services"]
+    assert "geometry_msgs/Pose" in found["message"]["structure"]
+    assert found["submitted"]["success"] is True
+    assert found["submitted"]["result"]["message"].startswith("Task queued: move")
+    assert found["unknown"]["success"] is False
+    assert "no server offers /nothing" in found["unknown"]["error"]
+    assert found["pose"]["msg"]["header"]["frame_id"] == "map"
+    assert found["published"]["success"] is True
+    assert "/talker:speed" in found["parameters"]["parameters"]
+    assert found["set"]["successful"] is True
+    assert found["parameter"]["value"] == "2.0"
+    assert found["has"]["exists"] is True
