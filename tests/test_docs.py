@@ -208,6 +208,7 @@ NOT_CONSTRUCTED = {
     "NodeStatus",
     "Publisher",
     "Robot",
+    "RobotTelemetry",
     "Role",
     "Service",
     "Srv",

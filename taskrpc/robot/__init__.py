@@ -9,7 +9,7 @@ from taskrpc.robot.driver import KinematicRobot
 from taskrpc.robot.kinematics import Limits
 from taskrpc.robot.mapfile import default_world, parse_map, read_map
 from taskrpc.robot.obstacles import Box
-from taskrpc.robot.protocol import Plan, Pose, Robot, RobotStopped, TargetError
+from taskrpc.robot.protocol import Plan, Pose, Robot, RobotStopped, RobotTelemetry, TargetError
 from taskrpc.robot.world import World
 
 __all__ = [
@@ -21,6 +21,7 @@ __all__ = [
     "Pose",
     "Robot",
     "RobotStopped",
+    "RobotTelemetry",
     "TargetError",
     "World",
     "default_world",

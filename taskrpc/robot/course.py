@@ -80,6 +80,19 @@ class Course:
         if self.began is not None:
             self._settle(self.began, self._duration())
 
+    def path(self) -> list[Point]:
+        """Return the points of the motion, from where it began; nothing without a motion."""
+        return self._motion.path()
+
+    def level(self, now: float) -> Standing:
+        """Return what the state would be if the robot halted now."""
+        if self.began is not None:
+            return self._settled(self.began, self._elapsed(now))
+        standing = self.standing
+        rested = 0.0 if standing.since is None else max(0.0, now - standing.since)
+        charge = self._charge_at_rest(standing.battery, standing.pose, rested)
+        return msgspec.structs.replace(standing, battery=charge)
+
     def end(self) -> float:
         """Return the instant at which the task is complete; inf while the robot is halted."""
         return math.inf if self.began is None else self.began + self._duration()
@@ -109,17 +122,20 @@ class Course:
         return min(max(0.0, now - self.began), self._duration())
 
     def _settle(self, began: float, elapsed: float) -> None:
+        motion = self._motion
+        self.standing = self._settled(began, elapsed)
+        self.began = None
+        self.spent += elapsed
+        self._work = max(0.0, self._work - (elapsed - min(elapsed, motion.duration)))
+        self._motion = Motion(self.standing.pose, motion.waypoints_after(elapsed), self._limits)
+
+    def _settled(self, began: float, elapsed: float) -> Standing:
         before, motion = self.standing, self._motion
         pose, metres = motion.pose_at(elapsed), motion.distance_at(elapsed)
         driving = min(elapsed, motion.duration)
-        working = elapsed - driving
         charge = _battery_after_drive(before.battery, driving, metres)
-        charge = self._charge_at_rest(charge, pose, working)
-        self.standing = Standing(pose, before.odometer + metres, charge, began + elapsed)
-        self.began = None
-        self.spent += elapsed
-        self._work = max(0.0, self._work - working)
-        self._motion = Motion(pose, motion.waypoints_after(elapsed), self._limits)
+        charge = self._charge_at_rest(charge, pose, elapsed - driving)
+        return Standing(pose, before.odometer + metres, charge, began + elapsed)
 
     def _charge_at_rest(self, charge: float, pose: Pose, seconds: float) -> float:
         docked = math.dist((pose.x, pose.y), self._dock) <= _AT_DOCK

@@ -8,7 +8,7 @@ from functools import lru_cache
 import msgspec
 
 from taskrpc.robot.course import Course
-from taskrpc.robot.kinematics import Limits, Motion
+from taskrpc.robot.kinematics import Limits, Motion, Point
 from taskrpc.robot.protocol import Plan, Pose, RobotStopped
 from taskrpc.robot.world import World
 
@@ -80,6 +80,18 @@ class KinematicRobot:
     def remaining(self) -> float:
         """Return the robot seconds until the running task ends; 0.0 when idle."""
         return self._course.remaining(self._now())
+
+    def planned_path(self) -> Sequence[Point]:
+        """Return the points of the current drive in metres, its start first; none when idle."""
+        return self._course.path()
+
+    def battery(self) -> float:
+        """Return the battery's charge in percent."""
+        return self._course.level(self._now()).battery
+
+    def odometer(self) -> float:
+        """Return the metres driven since the start."""
+        return self._course.level(self._now()).odometer
 
     async def execute(
         self, task_type: str, target: str, report: Callable[[float], None]

@@ -106,10 +106,11 @@ class Motion:
         end: the pose by then.
     """
 
-    __slots__ = ("_legs", "_starts", "distance", "duration", "end")
+    __slots__ = ("_from", "_legs", "_starts", "distance", "duration", "end")
 
     def __init__(self, start: Pose, waypoints: Sequence[Point], limits: Limits) -> None:
         self._legs: list[Leg] = []
+        self._from = start.x, start.y
         self.end = start
         for point in waypoints:
             if math.dist(point, (self.end.x, self.end.y)) > _SAME_PLACE:
@@ -132,6 +133,11 @@ class Motion:
         leg = self._leg_at(t)
         behind = math.fsum(done.length for done in self._legs[:leg])
         return behind + self._legs[leg].distance_at(t - self._starts[leg])
+
+    def path(self) -> list[Point]:
+        """Return the start and all waypoints; nothing if the motion has no leg."""
+        ends = [(leg.end.x, leg.end.y) for leg in self._legs]
+        return [self._from, *ends] if ends else []
 
     def waypoints_after(self, t: float) -> list[Point]:
         """Return the waypoints that are not reached after `t` seconds."""

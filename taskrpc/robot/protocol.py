@@ -8,6 +8,8 @@ the task is the first in the queue.
 There are two clocks. *Robot seconds* pass for the robot; *real seconds* pass for the client.
 `Robot.speed` robot seconds pass in one real second. It is 1.0 for hardware; only a simulation can
 be faster.
+
+The methods of `RobotTelemetry` are optional: the live page shows what they return.
 """
 
 from collections.abc import Callable, Sequence
@@ -110,3 +112,19 @@ class Robot(Protocol):
 
         The robot stays usable; the next `execute` starts from its current pose.
         """
+
+
+class RobotTelemetry(Protocol):
+    """Optional methods of a robot for the live page; a class may have any of them.
+
+    The server calls them up to ten times a second while a live page is open, so they must be fast.
+    """
+
+    def planned_path(self) -> Sequence[tuple[float, float]]:
+        """Return the points (x, y) of the current drive in metres, its start first."""
+
+    def battery(self) -> float:
+        """Return the battery's charge in percent."""
+
+    def odometer(self) -> float:
+        """Return the metres driven since the start."""

@@ -14,6 +14,7 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.request_ids.ids import Completion
 from taskrpc.robot.protocol import Pose, Robot, TargetError
 from taskrpc.tasks.model import EstimateChange, Task, TaskState
+from taskrpc.tasks.queue.estimate_log import DelayLog
 from taskrpc.tasks.queue.estimated_queue import EstimatedQueue
 from taskrpc.tasks.queue.task_queue import TaskQueue
 from taskrpc.tasks.records.change_feed import ChangeFeed
@@ -28,7 +29,7 @@ from taskrpc.tasks.responses import (
     requeue_hint,
     unstored_note,
 )
-from taskrpc.tasks.robot_guard import RobotGuard, checked_plan, error_text
+from taskrpc.tasks.robot_guard import RobotGuard, Telemetry, checked_plan, error_text
 from taskrpc.tasks.task_execution import TaskExecution
 from taskrpc.tasks.worker import Worker
 
@@ -144,6 +145,24 @@ class TaskManager:
         """The task that the robot executes, None if it is idle."""
         execution = self._worker.execution
         return self.repository.find(execution.task.task_id) if execution else None
+
+    @property
+    def robot(self) -> Robot:
+        """The robot; call its methods through the manager."""
+        return self._robot_guard.robot
+
+    @property
+    def delays(self) -> DelayLog:
+        """Why estimates have changed, newest events last; read it only."""
+        return self._estimated_queue.log
+
+    def telemetry(self) -> Telemetry:
+        """Return the robot's pose and, if it reports them, its path, battery and odometer."""
+        return self._robot_guard.telemetry()
+
+    def remaining(self) -> float:
+        """Return the robot seconds until the running task ends; 0.0 while the robot is idle."""
+        return self._worker.execution.remaining() if self._worker.execution else 0.0
 
     def pose(self) -> Pose:
         """Return the robot's pose, or its last known one."""

@@ -9,11 +9,31 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
+from typing import Any, TypeVar
+
+import msgspec
 
 from taskrpc.robot.protocol import Plan, Pose, Robot
 from taskrpc.tasks.model import Task
 
 _log = logging.getLogger("taskrpc.tasks")
+
+
+_Value = TypeVar("_Value")
+
+_MOST_POINTS = 1000  # of a planned path
+
+
+class Telemetry(msgspec.Struct, frozen=True):
+    """What a robot reports about itself, besides its task."""
+
+    pose: Pose
+    path: tuple[tuple[float, float], ...] = ()
+    """The points (x, y) of the current drive in metres; empty if the robot reports none."""
+    battery: float | None = None
+    """Percent; None if the robot does not report it."""
+    odometer: float | None = None
+    """Metres since the start; None if the robot does not report it."""
 
 
 class RobotGuard:
@@ -35,6 +55,7 @@ class RobotGuard:
             raise ValueError(f"expected a robot with a positive speed, got {robot.speed!r}")
         self._last_pose = Pose(0.0, 0.0, 0.0)
         self._pose_problem = ""  # the last logged one, so that it is logged once
+        self._broken: set[str] = set()  # the optional methods that have failed; not called again
 
     def plan(self, task: Task, start: Pose) -> Plan:
         """Return the plan of an accepted task; 0 seconds at `start` if the robot fails."""
@@ -65,6 +86,28 @@ class RobotGuard:
             _log.warning("the robot's remaining time is unknown: %s", error_text(error))
             return otherwise
         return max(0.0, seconds) if math.isfinite(seconds) else otherwise
+
+    def telemetry(self) -> Telemetry:
+        """Return the robot's pose and what its optional methods report."""
+        path = self._optional(
+            "planned_path", lambda points: [(float(x), float(y)) for x, y in points]
+        )
+        battery, odometer = self._optional("battery", float), self._optional("odometer", float)
+        return Telemetry(self.pose(), tuple(path or ())[:_MOST_POINTS], battery, odometer)
+
+    def _optional(self, name: str, converted: Callable[[Any], _Value]) -> _Value | None:
+        """Return the result of an optional method, None if the robot has none or it fails."""
+        method = getattr(self.robot, name, None)
+        if method is None or name in self._broken:
+            return None
+        try:
+            return converted(method())
+        except Exception as error:
+            self._broken.add(name)
+            _log.warning(
+                "the robot's %s() failed, it is not called again: %s", name, error_text(error)
+            )
+            return None
 
     def command(self, command: Callable[[], None]) -> str:
         """Call a command of the robot; returns why it failed, "" if it did not."""
