@@ -51,6 +51,14 @@ class CallInfo(msgspec.Struct, eq=False):
         """The address of the caller's machine, "" for the server's own."""
         return ""
 
+    @property
+    def repeated(self) -> bool:
+        """Whether an exactly-once service has recognised the request as a repetition.
+
+        Only observed calls know it, once the service has seen them.
+        """
+        return False
+
     def completed_by(self, response: Any) -> Completion | None:
         """Return the record that completes this call of an exactly-once service.
 

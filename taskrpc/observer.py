@@ -26,6 +26,8 @@ class Connections(msgspec.Struct):
     received: int = 0
     """Bytes, without what TLS adds."""
     sent: int = 0
+    accounts: dict[str, int] = {}
+    """How many are open, by the account of the caller; callers without an account do not count."""
 
 
 class DeduplicationStatus(msgspec.Struct, frozen=True):

@@ -227,6 +227,8 @@ class Deduplicator:
         self, call: IncomingCall, received: ReceivedId, verdict: Verdict, ledger: Ledger
     ) -> None:
         self._repeated[verdict] += 1
+        if verdict in (Verdict.ATTACH, Verdict.DONE):
+            call.note_repetition()
         match verdict:
             case Verdict.ATTACH:
                 text = "call %d of %s repeats a request that runs: it waits for the same response"

@@ -78,6 +78,9 @@ class IncomingCall(CallInfo, eq=False, kw_only=True):
         """Pass the call to the service again once there is room for its response."""
         raise NotImplementedError
 
+    def note_repetition(self) -> None:
+        """Note that the request repeats an earlier one, for observers."""
+
     def lost(self) -> None:
         """Handle a lost connection: cancel the call, unless its caller can repeat it by id."""
         if self.received_id is None:

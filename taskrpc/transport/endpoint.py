@@ -7,6 +7,7 @@ import itertools
 import logging
 import os
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, cast
 
@@ -240,7 +241,10 @@ class Endpoint(ThreadHandoff):
     def traffic(self) -> tuple[str, Connections, Connections]:
         """Return this endpoint's id, and the counts of accepted and of dialled connections."""
         dialled = self._dialled_traffic.counts(self.dialler.connections)
-        return self.id.hex(), self._accepted_traffic.counts(self._served), dialled
+        accepted = self._accepted_traffic.counts(self._served)
+        callers = Counter(each.principal for each in list(self._served))
+        accepted.accounts = {account: count for account, count in callers.items() if account}
+        return self.id.hex(), accepted, dialled
 
     # Transport: shutdown
 

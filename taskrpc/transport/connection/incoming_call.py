@@ -253,6 +253,7 @@ class ObservedCall(RemoteCall, eq=False, kw_only=True):
 
     ended: bool = False
     span: bytes = b""
+    repeated: bool = False
 
     def __post_init__(self) -> None:
         self.span = self.connection.session.open_calls[self.call_id].span
@@ -270,6 +271,10 @@ class ObservedCall(RemoteCall, eq=False, kw_only=True):
     def reply_in_thread(self, body: bytes) -> bool:
         """False: observers are called on the event loop's thread."""
         return False
+
+    def note_repetition(self) -> None:
+        """Note that the request repeats an earlier one."""
+        self.repeated = True
 
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
