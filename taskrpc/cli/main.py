@@ -36,6 +36,7 @@ _GROUPS = {
         "interface": "Show the definitions of messages and services",
         "node": "List nodes and what they offer",
         "task": "Submit tasks to the robot and watch them",
+        "view": "Open the live page of the task server in the browser",
         "run": "Run a ROS 2 program without ROS",
         "bridge": "Connect browsers and other programs without taskrpc",
         "demo": "Watch a task server, three clients and a robot at work",

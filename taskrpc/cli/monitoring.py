@@ -1,21 +1,26 @@
-"""`taskrpc-server --web`: metrics of the server, and pages that show them."""
+"""`taskrpc-server --web`: metrics of the server, pages that show them, and the live page."""
 
 from __future__ import annotations
 
-import hmac
 import os
 import time
+from collections.abc import Callable, Container
+from contextlib import asynccontextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+from taskrpc.cli.shared.page_link import NotedLink, PageLink
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.errors import TaskRpcError
 from taskrpc.metrics import Metrics
 from taskrpc.metrics.tasks import MeasuredStore, task_families
 from taskrpc.node import Node
+from taskrpc.observer import Observers
 from taskrpc.security.accounts import AccountSource
 from taskrpc.security.listen_policy import check_listen_policy
-from taskrpc.security.roles import account_of
 from taskrpc.tasks import TaskServer
 from taskrpc.tasks.records.store import TaskStore
+from taskrpc.tasks.server import load_types
 from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
 
 try:
@@ -26,16 +31,33 @@ except ModuleNotFoundError as error:
         raise
     raise TaskRpcError(f"--web needs {error.name}: pip install aiohttp") from None
 
+from taskrpc.web.calls import CallLog
+from taskrpc.web.control import NODE, Control
+from taskrpc.web.graph import NodeGraph
+from taskrpc.web.live import Live
+from taskrpc.web.pages import static_files
+from taskrpc.web.server import LivePage
+from taskrpc.web.streams import LiveStream
+from taskrpc.web.tokens import Tokens
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
 
 class Monitoring:
-    """Measures a server, and serves its pages `/health` and `/metrics` at HOST:PORT."""
+    """Measures a server, and serves its pages and its live page at HOST:PORT."""
 
     def __init__(self, place: str, access: Remote, accounts: str | None) -> None:
         self.metrics = Metrics()
+        self._calls = CallLog()
+        self.observer = Observers(self.metrics, self._calls)
+        """Receives the events of the node."""
         self._place = place
         self._tls = access.tls
         self._token = access.token or os.environ.get("TASKRPC_TOKEN") or ""
         self._accounts = AccountSource(accounts) if accounts else None
+        self.tokens = Tokens(self._token, self._accounts)
+        """The tokens that the live page accepts."""
 
     def measured(self, store: TaskStore) -> TaskStore:
         """Return the store with metrics of its commits."""
@@ -43,40 +65,93 @@ class Monitoring:
         self.metrics.add(measured.families)
         return measured
 
-    def web(self, server: TaskServer, node: Node) -> WebServer:
-        """Return the web server of a task server and its node. Raises CannotListen."""
+    def web(self, server: TaskServer, node: Node, class_folder: str | None = None) -> WebServer:
+        """Return the web server of a task server and its node. Raises CannotListen.
+
+        The live page shows the class of `class_folder`, if it is given.
+        """
         self.metrics.add(lambda: task_families(server.manager))
         pages = task_pages(server, self.metrics)
         has_secrets = self._token or self._accounts is not None
-        may_look = self._may_look if has_secrets else None
+        may_look = self.tokens.may_look if has_secrets else None
+        live = self._live_page(server, node, self._students(node, class_folder))
+        host, _ = split_place(self._place)
+        # The certificate of a class is for its laptops: the lecturer's browser would warn of it.
+        tls = None if class_folder is not None and is_loopback(host) else self._tls
         rosbridge = RosbridgeServer(node, may_connect=self._is_own_token)
         web = WebServer(
             pages,
             listen=self._place,
-            tls=self._tls,
+            tls=tls,
             may_look=may_look,
+            live=live,
             upgrade=rosbridge.handle,
         )
-        host, _ = split_place(self._place)
         if not is_loopback(host):
             known = self._accounts.current if self._accounts is not None else None
             check_listen_policy(host, certificate=True, token=self._token, accounts=known, ca=False)
         return web
 
     def _is_own_token(self, given: str) -> bool:
-        """Whether a bearer token is the server's own."""
-        own = self._token.encode()
-        return bool(own) and hmac.compare_digest(given.encode(errors="replace"), own)
+        """Whether a bearer token gives the rights of the server's own user."""
+        holder = self.tokens.holder(given)
+        return holder is not None and not holder.account
 
-    def _may_look(self, given: str) -> bool:
-        """Whether a bearer token is the server's or an account's; both may see the pages."""
-        if self._is_own_token(given):
-            return True
-        token = given.encode(errors="replace")
-        if self._accounts is None:
-            return False
-        self._accounts.refresh()
-        account = self._accounts.current.find(account_of(token), time.time())
-        # Compare in every case: the time of the response must not reveal which accounts exist.
-        expected = token[::-1] + b"-" if account is None else account.token.encode()
-        return hmac.compare_digest(token, expected)
+    @asynccontextmanager
+    async def serving(self, web: WebServer) -> AsyncIterator[WebServer]:
+        """Serve, and note the links of the live page for `taskrpc view`. Raises CannotListen."""
+        async with web:
+            noted = NotedLink(PageLink(os.getpid(), web.url, self.tokens.view, self.tokens.control))
+            try:
+                yield web
+            finally:
+                noted.close()
+
+    def _students(
+        self, node: Node, class_folder: str | None
+    ) -> Callable[[], list[dict[str, Any]]] | None:
+        if class_folder is None:
+            return None
+        from taskrpc.cli.classroom.live_class import LiveClass  # few servers are those of a class
+
+        def connected() -> Container[str]:
+            return node.status().accepted.accounts
+
+        return LiveClass(Path(class_folder), self._calls.accounts, connected)
+
+    def _live_page(
+        self,
+        server: TaskServer,
+        node: Node,
+        students: Callable[[], list[dict[str, Any]]] | None,
+    ) -> LivePage:
+        started = time.time()
+
+        def about() -> dict[str, object]:
+            return {
+                "node": node.get_fully_qualified_name(),
+                "service": "/robot_task",
+                "address": node.address,
+                "started": started,
+            }
+
+        def make_node(token: str) -> Node:
+            place = _reachable(node.address)
+            known = token or self._token or None
+            return Node(NODE, namespace="/", peers=[place], tls=self._tls, token=known)
+
+        stream = LiveStream()
+        graph = NodeGraph(node, self._calls)
+        events = Live(
+            server.manager, stream, about, calls=self._calls, graph=graph, students=students
+        )
+        control = Control(load_types(), make_node)
+        return LivePage(static_files(), self.tokens, stream, events, control)
+
+
+def _reachable(address: str) -> str:
+    """Return the address at which this machine reaches a server that listens everywhere."""
+    for everywhere, here in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):
+        if address.startswith(everywhere):
+            return address.replace(everywhere, here, 1)
+    return address

@@ -97,6 +97,8 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--share", metavar="N", type=whole(1), help=share)
     attendance = "a file in which to note when each account last called"
     add("--attendance", metavar="FILE", help=attendance)
+    # `taskrpc classroom` gives it: the folder of the class that the live page shows.
+    add("--class", dest="class_folder", metavar="FOLDER", help=argparse.SUPPRESS)
     settle = "seconds that an idle robot waits for more tasks before it takes the first (0.1)"
     seconds = number("from 0 on", lambda seconds: seconds >= 0)
     add("--settle", metavar="S", type=seconds, default=0.1, help=settle)
@@ -107,7 +109,7 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--introspection", choices=["off", "metadata", "contents"], default="off", help=events)
     found = "when to give up on a silent peer: `default` (8 s) or `robot` (2 s)"
     add("--keepalive", choices=["default", "robot"], help=found)
-    web = "also serve /health and /metrics there over HTTP, and rosbridge for browsers"
+    web = "serve the live page there over HTTP, rosbridge, /health and /metrics"
     add("--web", metavar="HOST:PORT", type=remote.place, help=web)
     levels = ["debug", "info", "warning", "error"]
     add("--log-level", choices=levels, default="info", help="what to log to stderr (info)")
@@ -180,9 +182,10 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
             introspection=options.introspection,
         )
         if monitoring is not None:  # before the start, so that monitors can watch a slow start
-            pages = monitoring.web(server, node)
-            web = await started(lambda: stack.enter_async_context(pages))
+            pages = monitoring.web(server, node, options.class_folder)
+            web = await started(lambda: stack.enter_async_context(monitoring.serving(pages)))
             _say(options, f"/health and /metrics at {web.url}")
+            _say(options, f"the live page is at {web.url}/")
         resumed = await started(lambda: server.start(fresh=options.fresh))
         _say(options, f"{resumed}")
         what = "/robot_task [my_robot_interfaces/srv/RobotTask]"
@@ -195,12 +198,12 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
 
 def _observer(options: argparse.Namespace, monitoring: Monitoring | None) -> Observer | None:
     if not options.attendance:
-        return monitoring.metrics if monitoring else None
+        return monitoring.observer if monitoring else None
     from taskrpc.classroom.attendance import Attendance
     from taskrpc.observer import Observers
 
     attendance = Attendance(Path(options.attendance))
-    return Observers(monitoring.metrics, attendance) if monitoring else attendance
+    return Observers(monitoring.observer, attendance) if monitoring else attendance
 
 
 def _monitoring(options: argparse.Namespace, access: remote.Remote) -> Monitoring | None:

@@ -1,9 +1,12 @@
 """Pages of a task server for browsers and monitoring, over HTTP; needs the extra `web` (aiohttp).
 
-Start with `server`, the only module that imports aiohttp; `task_pages` makes the contents. `guard`
-decides which requests it answers. Metrics themselves are in `taskrpc.metrics`.
+Start with `server`, the only module that imports aiohttp. `pages` makes the pages for monitoring
+and reads the files of the live page; `live`, `calls` and `graph` make its events, `streams` sends
+them, and `control` answers its buttons. `guard`, `tokens` and `peers` decide who may do what.
+Metrics themselves are in `taskrpc.metrics`.
 """
 
-from taskrpc.web.server import Page, WebServer, task_pages
+from taskrpc.web.pages import Page, task_pages
+from taskrpc.web.server import WebServer
 
 __all__ = ["Page", "WebServer", "task_pages"]

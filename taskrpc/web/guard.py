@@ -1,18 +1,38 @@
-"""Decides from the head of a request whether to answer it.
+"""Decides from the head of a request whether to answer it, and for whom.
 
-The hazard is a browser on the robot's own machine: any web page can make it send requests here,
-under a host name that resolves to this machine (DNS rebinding). So the Host header must contain one
-of the server's own names, and pages of other servers get no answer.
+The first hazard is a browser on the robot's own machine: any web page can make it send requests
+here, under a host name that resolves to this machine (DNS rebinding). So the Host header must
+contain one of the server's own names, and pages of other servers get no answer. The second hazard
+are other users of the machine: on Linux, the live page is for the server's own user.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from enum import Enum
 from urllib.parse import urlsplit
 
 import msgspec
 
+from taskrpc.web.tokens import Holder, Tokens
+
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+class Access(Enum):
+    """What a request wants to do."""
+
+    MONITOR = "monitor"
+    """Read `/health` or `/metrics`: on this machine, every user may."""
+    LOAD = "load"
+    """Load a file of the live page, which has no secrets: everybody may."""
+    LOOK = "look"
+    """See what the live page shows: on this machine, the server's own user may."""
+    CONTROL = "control"
+    """Change something: only with a token that allows it."""
+    CONNECT = "connect"
+    """Open a WebSocket, which has the rights of the server: on this machine, the server's own user
+    may, also with pages of this machine and of allowed origins."""
 
 
 class Head(msgspec.Struct, frozen=True):
@@ -24,6 +44,13 @@ class Head(msgspec.Struct, frozen=True):
     """The local address of the connection, with its port; as a Host header it is always valid."""
     origins: Sequence[str] = ()
     authorizations: Sequence[str] = ()
+    is_other_user: bool = False
+    """Whether a process of another user of this machine has connected."""
+
+    @property
+    def token(self) -> str:
+        """The bearer token, "" for none."""
+        return _bearer(self.authorizations)
 
 
 class Refusal(msgspec.Struct, frozen=True):
@@ -36,8 +63,13 @@ class Refusal(msgspec.Struct, frozen=True):
 class Guard:
     """Accepts requests for one of `names` (each with its port) that have a valid token.
 
-    `may_look` returns whether a bearer token is valid; without it, no token is needed. `origins`
-    are pages that may open a WebSocket, such as `https://lab.example`.
+    Args:
+        names: the server's own names.
+        encrypted: whether the server uses TLS.
+        may_look: returns whether a bearer token is valid; without it, only requests of other users
+            need one.
+        tokens: which tokens the live page accepts; without them, none.
+        origins: other pages that may open a WebSocket, such as `https://lab.example`.
     """
 
     def __init__(
@@ -46,6 +78,7 @@ class Guard:
         *,
         encrypted: bool = False,
         may_look: Callable[[str], bool] | None = None,
+        tokens: Tokens | None = None,
         origins: Iterable[str] = (),
     ) -> None:
         self._scheme = "https" if encrypted else "http"
@@ -53,30 +86,66 @@ class Guard:
         given = {name.lower() for name in names}
         self._names = given | {name.removesuffix(usual) for name in given if name.endswith(usual)}
         self._may_look = may_look
+        self._tokens = tokens
         self._origins = {origin.lower().rstrip("/") for origin in origins}
 
-    def refusal(self, head: Head, *, connects: bool = False) -> Refusal | None:
-        """Return why a request is refused, None if it is accepted.
-
-        With `connects`, the request is for a WebSocket, which all pages of this machine may open.
-        """
-        if head.method not in ("GET", "HEAD"):
-            return Refusal(405, "only GET and HEAD are answered here")
+    def refusal(self, head: Head, access: Access = Access.MONITOR) -> Refusal | None:
+        """Return why a request is refused, None if it is accepted."""
+        methods = ("POST",) if access is Access.CONTROL else ("GET", "HEAD")
+        if head.method not in methods:
+            return Refusal(405, f"only {' and '.join(methods)} are answered here")
         if len(head.hosts) != 1:
             return Refusal(400, f"expected one Host header, got {len(head.hosts)}")
         host = head.hosts[0].lower()
         if not host or (host not in self._names and host != head.local):
             return Refusal(421, "this server does not have this name; use its address")
-        if not all(self._is_allowed(origin.lower(), host, connects) for origin in head.origins):
+        if not all(self._is_allowed(origin.lower(), host, access) for origin in head.origins):
             return Refusal(403, "requests from pages of other servers are refused")
-        if self._may_look is not None and not self._may_look(_bearer(head.authorizations)):
-            return Refusal(401, "expected the server's secret: Authorization: Bearer SECRET")
-        return None
+        return self._token_refusal(head, access)
 
-    def _is_allowed(self, origin: str, host: str, connects: bool) -> bool:
+    def _is_allowed(self, origin: str, host: str, access: Access) -> bool:
         if origin == f"{self._scheme}://{host}":
             return True
-        return connects and (origin in self._origins or _is_local(origin))
+        return access is Access.CONNECT and (origin in self._origins or _is_local(origin))
+
+    def _token_refusal(self, head: Head, access: Access) -> Refusal | None:
+        if access is Access.LOAD:
+            return None
+        if access is Access.MONITOR:
+            is_valid = self._may_look is None or self._may_look(head.token)
+        elif access is Access.CONTROL:
+            is_valid = self.holder(head) is not None
+        else:
+            is_valid = self._may_look is None and not head.is_other_user
+            may_pass = self._may_connect if access is Access.CONNECT else self._may_view
+            is_valid = is_valid or may_pass(head)
+        if is_valid:
+            return None
+        if access is Access.CONTROL:
+            problem = "expected a token for control: open the link that `taskrpc view` prints"
+        elif head.is_other_user:
+            problem = "this page is for the user of the server; see `taskrpc view --help`"
+        else:
+            problem = "expected the server's secret: Authorization: Bearer SECRET"
+        return Refusal(401, problem)
+
+    def holder(self, head: Head) -> Holder | None:
+        """Return for whom a request may change something, None if it may not."""
+        if self._tokens is None:
+            return None
+        return self._tokens.holder(head.token, of_links=not head.is_other_user)
+
+    def _may_view(self, head: Head) -> bool:
+        if self._tokens is None:
+            return self._may_look is not None and self._may_look(head.token)
+        return self._tokens.may_look(head.token, of_links=not head.is_other_user)
+
+    def _may_connect(self, head: Head) -> bool:
+        """Whether a token gives the rights of the server's own user, as a WebSocket does."""
+        if self._tokens is None:
+            return self._may_view(head)
+        holder = self.holder(head)
+        return holder is not None and not holder.account
 
 
 def own_names(listened: str, port: int, *, machine: str) -> list[str]:

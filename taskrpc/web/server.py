@@ -1,84 +1,97 @@
-"""Serves the pages of a task server over HTTP; the only module that imports aiohttp."""
+"""Serves the pages of a task server over HTTP; with `control`, the live page; imports aiohttp."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import logging
 import socket
 import ssl
 from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any, Self, TypeAlias, cast
+from typing import Any, Protocol, Self, TypeAlias, cast
 
 import msgspec
-from aiohttp import web
+from aiohttp import HttpVersion11, web
 
 from taskrpc.errors import CannotListen
-from taskrpc.metrics.prometheus import CONTENT_TYPE
 from taskrpc.security.tls import ServerTls, Tls
 from taskrpc.transport.connection.connection import shown
 from taskrpc.transport.limits.log_throttling import ThrottledLog
 from taskrpc.transport.network import Factory
 from taskrpc.transport.tcp.listening import Listener
 from taskrpc.transport.tcp.tcp_network import bound, is_loopback, join_place, split_place
-from taskrpc.web.guard import Guard, Head, own_names
-
-if TYPE_CHECKING:
-    from taskrpc.metrics import Metrics
-    from taskrpc.tasks import TaskServer
+from taskrpc.web.control import MAX_BODY, Control
+from taskrpc.web.guard import Access, Guard, Head, own_names
+from taskrpc.web.pages import JSON, Page, Pages
+from taskrpc.web.peers import is_other_user
+from taskrpc.web.streams import UNREAD_BYTES, LiveStream, Tab, TooManyTabs
+from taskrpc.web.tokens import Tokens
 
 log = logging.getLogger("taskrpc.web")
 
 MAX_CONNECTIONS = 64
-"""Most open connections; a further one closes the oldest whose request is unfinished."""
+"""Most open connections; a further one closes the oldest whose request is unfinished. Event streams
+and WebSockets do not count."""
 REQUEST_TIMEOUT = 10.0
 """Seconds for one request and its response; then the connection is closed."""
+
+CONTENT_SECURITY_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:;"
+    " connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""The live page loads only its own files, and no other page can contain it."""
 
 _HEADERS = {
     "Server": "taskrpc",
     "Cache-Control": "no-store",
-    "Content-Security-Policy": "default-src 'none'; frame-ancestors 'none'",
+    "Content-Security-Policy": CONTENT_SECURITY_POLICY,
     "X-Content-Type-Options": "nosniff",
+    "Referrer-Policy": "no-referrer",
 }
-
-
-class Page(msgspec.Struct, frozen=True):
-    """One HTTP response."""
-
-    body: str
-    content_type: str = "text/plain; charset=utf-8"
-    status: int = 200
-
-
-Pages: TypeAlias = Mapping[str, Callable[[], Awaitable[Page]]]
-"""The functions that make the page of each path, such as `/health`."""
-
 
 Upgrade: TypeAlias = Callable[[web.BaseRequest], Awaitable[web.StreamResponse]]
 """Answers a request for a WebSocket at `/`; it returns when the WebSocket is closed."""
 
 
-def task_pages(server: TaskServer, metrics: Metrics) -> Pages:
-    """Return the pages `/health` (503 while no tasks are accepted) and `/metrics`."""
+class Events(Protocol):
+    """What the live page shows; see `taskrpc.web.live.Live`."""
 
-    async def health() -> Page:
-        response = await server.health()
-        body = json.dumps({"ready": response.success, "message": response.message})
-        return Page(f"{body}\n", "application/json", 200 if response.success else 503)
+    def hello(self, *, control: bool) -> bytes:
+        """Return the first event of a page as text."""
 
-    async def measured() -> Page:
-        return Page(metrics.text(), CONTENT_TYPE)
+    def task(self, task_id: int) -> bytes | None:
+        """Return one task as JSON, None if there is none."""
 
-    return {"/health": health, "/metrics": measured}
+
+class LivePage(msgspec.Struct, frozen=True, eq=False):
+    """The parts of the live page."""
+
+    files: Mapping[str, Page]
+    """The files of the page by path; see `static_files`."""
+    tokens: Tokens
+    """The tokens that the page accepts."""
+    stream: LiveStream
+    """The open pages."""
+    events: Events
+    """What they show."""
+    control: Control
+    """Their buttons."""
 
 
 class WebServer:
-    """Serves read-only pages: `async with WebServer(pages, listen="127.0.0.1:8080"):`.
+    """Serves pages: `async with WebServer(pages, listen="127.0.0.1:8080"):`.
 
-    All programs of this machine may read them. To listen at any other address, it needs `tls` and
-    `may_look`, which returns whether a bearer token is valid. `upgrade` answers requests for a
-    WebSocket at `/`; `origins` are the pages that may open one, besides those of this machine.
+    All programs of this machine may read `pages`. To listen at any other address, it needs `tls`
+    and `may_look`, which returns whether a bearer token is valid.
+
+    Args:
+        pages: the pages by path.
+        listen: `HOST:PORT`; port 0 means any free port.
+        tls: the certificate and the key.
+        may_look: returns whether a bearer token is valid.
+        live: the live page; without it, there are only `pages`.
+        upgrade: answers requests for a WebSocket at `/`; without it, they are refused.
+        origins: other pages that may open a WebSocket, besides those of this machine.
     """
 
     def __init__(
@@ -88,12 +101,14 @@ class WebServer:
         listen: str,
         tls: Tls | None = None,
         may_look: Callable[[str], bool] | None = None,
+        live: LivePage | None = None,
         upgrade: Upgrade | None = None,
         origins: Iterable[str] = (),
     ) -> None:
         self.url = ""
         """The address of the pages; "" before the start."""
         self._pages = pages
+        self._live = live
         self._upgrade = upgrade
         self._origins = tuple(origins)
         self._host, self._port = split_place(listen)
@@ -123,7 +138,11 @@ class WebServer:
         encrypted = self._tls is not None
         self.url = f"http{'s' if encrypted else ''}://{join_place(self._host, port)}"
         self._guard = Guard(
-            names, encrypted=encrypted, may_look=self._may_look, origins=self._origins
+            names,
+            encrypted=encrypted,
+            may_look=self._may_look,
+            tokens=None if self._live is None else self._live.tokens,
+            origins=self._origins,
         )
         self._server = web.Server(self._answer)
         factory = cast("Factory", self._protocol)
@@ -134,6 +153,10 @@ class WebServer:
         if self._listener is not None and self._server is not None:
             listener, self._listener = self._listener, None
             await listener.close()
+            if self._live is not None:
+                self._live.stream.close("the server is ending")
+                await asyncio.sleep(0)  # the streams end before their connections
+                await self._live.control.close()
             await self._server.shutdown(0.0)
 
     def _tls_context(self) -> ssl.SSLContext | None:
@@ -144,21 +167,83 @@ class WebServer:
         return _Connection(self._server, self._places)
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
-        connects = request.path == "/" and self._upgrade is not None and _is_upgrade(request)
-        refusal = self._guard.refusal(_head(request), connects=connects)
-        show = self._pages.get(request.path)
-        if refusal is not None:
+        path, access = request.path, self._access(request)
+        head = _head(request, access)
+        if refusal := self._guard.refusal(head, access):
             log.debug("refused %s: %s", request.remote, refusal.reason)
-            page = Page(f"{refusal.reason}\n", status=refusal.status)
-        elif connects and self._upgrade is not None:
-            cast("_Connection", request.protocol).keep()
+            if access is Access.CONTROL:
+                error = "AuthenticationFailed" if refusal.status == 401 else "RequestError"
+                return _response(_problem(error, refusal.reason, refusal.status), access)
+            return _response(Page(f"{refusal.reason}\n", status=refusal.status), access)
+        connection = cast("_Connection", request.protocol)
+        if access is Access.CONNECT and self._upgrade is not None:
+            connection.keep()
             return await self._upgrade(request)
-        elif show is None:
-            page = Page(f"no such page; there are {', '.join(self._pages)}\n", status=404)
-        else:
-            with self._places.kept(request.protocol):
-                page = await _shown(request.path, show)
-        return _response(page)
+        if path == "/live" and self._live is not None:
+            return await self._stream(request, connection, self._live, head)
+        with self._places.kept(connection):
+            page = await self._page(request, head)
+        return _response(page, access, request.headers.get("If-None-Match", ""))
+
+    def _access(self, request: web.BaseRequest) -> Access:
+        path, live = request.path, self._live
+        if path == "/" and self._upgrade is not None and _is_upgrade(request):
+            return Access.CONNECT
+        if live is None or path in self._pages:
+            return Access.MONITOR
+        if path.startswith("/control/"):
+            return Access.CONTROL
+        return Access.LOAD if path in live.files else Access.LOOK
+
+    async def _page(self, request: web.BaseRequest, head: Head) -> Page:
+        path, live = request.path, self._live
+        if make := self._pages.get(path):
+            return await _shown(path, make)
+        if live is not None:
+            if file := live.files.get(path):
+                return file
+            if path.startswith("/control/"):
+                return await self._controlled(request, head, live)
+            if path.startswith("/task/"):
+                return _task(live, path.removeprefix("/task/"))
+        known = ("/", "/live", *self._pages) if live is not None else self._pages
+        return Page(f"no such page; there are {', '.join(known)}\n", status=404)
+
+    async def _controlled(self, request: web.BaseRequest, head: Head, live: LivePage) -> Page:
+        holder = self._guard.holder(head)
+        assert holder is not None, "the guard has checked the token"
+        body = await request.content.read(MAX_BODY + 1)
+        while len(body) <= MAX_BODY and (more := await request.content.read(MAX_BODY + 1)):
+            body += more
+        verb = request.path.removeprefix("/control/")
+        return await live.control.answer(verb, request.content_type, body, holder)
+
+    async def _stream(
+        self, request: web.BaseRequest, connection: _Connection, live: LivePage, head: Head
+    ) -> web.StreamResponse:
+        """Send events until the page is closed or the server ends."""
+        if request.version < HttpVersion11 or request.method != "GET":
+            return _response(Page("expected a GET request with HTTP/1.1\n", status=400))
+        try:
+            tab, states = live.stream.open(connection)
+        except TooManyTabs:
+            return _response(Page("too many live pages are open\n", status=503))
+        try:
+            tab.pause()  # until its first bytes are written
+            connection.keep(tab)
+            response = web.StreamResponse(headers={**_HEADERS, "X-Accel-Buffering": "no"})
+            response.content_type = "text/event-stream"
+            response.enable_chunked_encoding()
+            response.force_close()
+            await response.prepare(request)
+            hello = live.events.hello(control=self._guard.holder(head) is not None)
+            await response.write(hello + states)
+            if not connection.is_full:
+                tab.resume()
+            await tab.closed
+            return response
+        finally:
+            tab.close()
 
 
 async def _shown(path: str, show: Callable[[], Awaitable[Page]]) -> Page:
@@ -169,12 +254,25 @@ async def _shown(path: str, show: Callable[[], Awaitable[Page]]) -> Page:
         return Page("this page cannot be shown; see the server's log\n", status=500)
 
 
+def _task(live: LivePage, number: str) -> Page:
+    is_number = number.isascii() and number.isdecimal() and len(number) < 16
+    body = live.events.task(int(number)) if is_number else None
+    if body is None:
+        return _problem("NotFound", f"There is no task {number[:40]}", 404)
+    return Page(body, JSON)
+
+
+def _problem(error: str, message: str, status: int) -> Page:
+    return Page(msgspec.json.encode({"error": error, "message": message}), JSON, status)
+
+
 def _is_upgrade(request: web.BaseRequest) -> bool:
     return request.headers.get("Upgrade", "").lower() == "websocket"
 
 
-def _head(request: web.BaseRequest) -> Head:
+def _head(request: web.BaseRequest, access: Access) -> Head:
     headers = request.headers
+    is_for_everybody = access in (Access.MONITOR, Access.LOAD)
     local: Any = request.get_extra_info("sockname") or ("", 0)
     return Head(
         request.method,
@@ -182,16 +280,22 @@ def _head(request: web.BaseRequest) -> Head:
         join_place(*local[:2]),
         headers.getall("Origin", ()),
         headers.getall("Authorization", ()),
+        not is_for_everybody and cast("_Connection", request.protocol).is_other_user,
     )
 
 
-def _response(page: Page) -> web.Response:
+def _response(page: Page, access: Access = Access.MONITOR, known: str = "") -> web.Response:
     headers = {"Content-Type": page.content_type, **_HEADERS}
-    if page.status == 401:
+    status, body = page.status, page.body if isinstance(page.body, bytes) else page.body.encode()
+    if page.etag:
+        headers |= {"ETag": page.etag, "Cache-Control": "no-cache"}
+        if page.etag in (each.strip().removeprefix("W/") for each in known.split(",")):
+            status, body = 304, b""
+    if status == 401:
         headers["WWW-Authenticate"] = "Bearer"
-    if page.status == 405:
-        headers["Allow"] = "GET, HEAD"
-    response = web.Response(body=page.body.encode(), status=page.status, headers=headers)
+    if status == 405:
+        headers["Allow"] = "POST" if access is Access.CONTROL else "GET, HEAD"
+    response = web.Response(body=body, status=status, headers=headers)
     response.force_close()
     return response
 
@@ -214,7 +318,7 @@ class _Places:
             self._open.pop(oldest).abort()
 
     def leave(self, connection: web.RequestHandler) -> None:
-        """Remove a connection that has ended."""
+        """Remove a connection that has ended, or that stays open for long."""
         self._open.pop(connection, None)
 
     @contextlib.contextmanager
@@ -230,32 +334,80 @@ class _Places:
 class _Connection(web.RequestHandler):
     """A connection of aiohttp that is closed after `REQUEST_TIMEOUT` and logs no tracebacks."""
 
-    __slots__ = ("_places", "_timer")
+    __slots__ = ("_is_other_user", "_places", "_tab", "_timer", "_writing", "is_full")
 
     def __init__(self, server: web.Server, places: _Places) -> None:
         no_log: Any = None  # no log line for each request
         super().__init__(server, loop=asyncio.get_running_loop(), access_log=no_log)
         self._places = places
         self._timer: asyncio.TimerHandle | None = None
+        self._writing: asyncio.Transport | None = None
+        self._tab: Tab | None = None
+        """The event stream of this connection; None for other requests."""
+        self._is_other_user: bool | None = None
+        self.is_full = False
+        """Whether too many bytes are unread."""
+
+    @property
+    def is_other_user(self) -> bool:
+        """Whether a process of another user of this machine has connected."""
+        if self._is_other_user is None and self._writing is not None:
+            peer = self._writing.get_extra_info("peername") or ("", 0)
+            local = self._writing.get_extra_info("sockname") or ("", 0)
+            self._is_other_user = is_other_user(peer[:2], local[:2])
+        return self._is_other_user is not False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
-        writing = cast("asyncio.Transport", transport)
+        self._writing = writing = cast("asyncio.Transport", transport)
         # Abort, not close: with close, a peer that does not read would keep its connection.
         self._timer = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, writing.abort)
         self._places.take(self, writing)
 
-    def keep(self) -> None:
-        """Let the connection stay open for long, and do not count it."""
-        self._places.leave(self)
-        if self._timer is not None:
-            self._timer.cancel()
-
     def connection_lost(self, exc: BaseException | None) -> None:
+        self._leave()
+        if self._tab is not None:
+            self._tab.close()
+        super().connection_lost(exc)
+
+    def keep(self, tab: Tab | None = None) -> None:
+        """Let the connection stay open, for the event stream of a tab or for a WebSocket."""
+        self._leave()
+        self._tab = tab
+        if tab is not None and self._writing is not None:
+            self._writing.set_write_buffer_limits(high=UNREAD_BYTES)
+            if sock := self._writing.get_extra_info("socket"):  # no megabytes of outdated events
+                sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_BYTES)
+
+    def pause_writing(self) -> None:
+        super().pause_writing()
+        self.is_full = True
+        if self._tab is not None:
+            self._tab.pause()
+
+    def resume_writing(self) -> None:
+        super().resume_writing()
+        self.is_full = False
+        if self._tab is not None:
+            self._tab.resume()
+
+    # A connection of a tab
+
+    def write(self, data: bytes) -> None:
+        """Send bytes of an event stream as they are."""
+        if self._writing is not None and not self._writing.is_closing():
+            self._writing.write(data)
+
+    def abort(self) -> None:
+        """Close the connection at once."""
+        if self._writing is not None:
+            self._writing.abort()
+
+    def _leave(self) -> None:
         self._places.leave(self)
         if self._timer is not None:
             self._timer.cancel()
-        super().connection_lost(exc)
+            self._timer = None
 
     def handle_error(
         self,

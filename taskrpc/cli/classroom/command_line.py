@@ -9,6 +9,7 @@ import time
 
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.parsing import add_command, add_group, whole
+from taskrpc.cli.shared.remote import place
 from taskrpc.errors import TaskRpcError
 
 TYPE_CHECKING = False  # typing itself is heavy
@@ -39,6 +40,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--renew", action="store_true", help="make a new certificate; all students must join again")
     what = f"with --serve: maximum number of queued tasks of one laptop ({_SHARE})"
     add("--share", metavar="N", type=whole(1), default=_SHARE, help=what)
+    what = "run taskrpc-server for the class, with a live page there (127.0.0.1:0)"
+    add("--web", metavar="HOST:PORT", type=place, nargs="?", const="127.0.0.1:0", help=what)
     what = "then run taskrpc-server for the class; the words that follow are its options"
     add("--serve", nargs=argparse.REMAINDER, metavar="OPTION", help=what)
     commands = add_group(parser)
@@ -98,7 +101,7 @@ def _make(options: argparse.Namespace) -> Exit:
     if options.students or not accounts:
         names = _students(options.students) if options.students else [_CLASS]
         accounts = register.add(names, time.time() + options.days * _DAY)
-    if options.serve is None:
+    if options.serve is None and options.web is None:
         _print_strings(register, accounts)
         print("start the server: taskrpc classroom --serve", file=sys.stderr)
         print("for laptops without taskrpc: taskrpc classroom bundle DIR", file=sys.stderr)
@@ -190,7 +193,9 @@ def _serve(register: Register, place: Place, options: argparse.Namespace) -> Exi
         *("--accounts", str(register.accounts_file)),
         *("--attendance", str(register.attendance_file)),
         *("--share", str(options.share)),
-        *options.serve,
+        *("--class", str(register.folder)),
+        *(("--web", options.web) if options.web else ()),
+        *(options.serve or ()),
     ]
     return Exit(server.main(arguments))
 

@@ -4,7 +4,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskrpc.web.guard import Guard, Head, own_names
+from taskrpc.security.accounts import AccountSource
+from taskrpc.web.guard import Access, Guard, Head, own_names
+from taskrpc.web.tokens import Tokens
 
 HERE = own_names("127.0.0.1", 8080, machine="robot")
 
@@ -114,3 +116,93 @@ def test_only_the_correct_token_is_accepted(authorizations, expected):
 def test_wrong_host_is_refused_before_the_token_is_checked():
     head = asked("evil.example", authorizations=["Bearer secret"])
     assert status(head, may_look=pytest.fail) == 421
+
+
+def granted(access, *, tokens=None, **head):
+    head.setdefault("method", "POST" if access is Access.CONTROL else "GET")
+    options = {"may_look": head.pop("may_look", None), "origins": head.pop("allowed", ())}
+    refusal = Guard(HERE, tokens=tokens, **options).refusal(
+        Head(hosts=["127.0.0.1:8080"], **head), access
+    )
+    return refusal.status if refusal else 200
+
+
+def bearer(token):
+    return [f"Bearer {token}"]
+
+
+@pytest.mark.parametrize("method", ["GET", "HEAD", "PUT", "DELETE", "OPTIONS"])
+def test_control_accepts_only_post(method):
+    tokens = Tokens()
+    head = {"method": method, "authorizations": bearer(tokens.control)}
+    assert granted(Access.CONTROL, tokens=tokens, **head) == 405
+
+
+def test_control_needs_the_token_for_control_also_on_this_machine():
+    tokens = Tokens()
+    for token, expected in ((tokens.control, 200), (tokens.view, 401), ("", 401)):
+        head = {"authorizations": bearer(token)}
+        assert granted(Access.CONTROL, tokens=tokens, **head) == expected
+    assert granted(Access.CONTROL) == 401
+
+
+def test_other_users_of_the_machine_cannot_look_even_with_a_link():
+    tokens = Tokens("server")
+    for token, expected in ((tokens.control, 401), (tokens.view, 401), ("", 401), ("server", 200)):
+        head = {"authorizations": bearer(token), "is_other_user": True}
+        assert granted(Access.LOOK, tokens=tokens, **head) == expected
+        assert granted(Access.CONNECT, tokens=tokens, **head) == expected
+        assert granted(Access.CONTROL, tokens=tokens, **head) == expected
+    assert granted(Access.LOOK, tokens=tokens) == 200
+
+
+def test_beyond_this_machine_looking_needs_a_token_and_files_need_none():
+    tokens = Tokens()
+    for access in (Access.LOOK, Access.MONITOR):
+        for token, expected in ((tokens.view, 200), (tokens.control, 200), ("x", 401)):
+            head = {"authorizations": bearer(token), "may_look": tokens.may_look}
+            assert granted(access, tokens=tokens, **head) == expected
+    assert granted(Access.LOAD, tokens=tokens, may_look=tokens.may_look) == 200
+
+
+def test_websocket_needs_a_token_with_all_rights_beyond_this_machine(tmp_path):
+    path = tmp_path / "accounts.json"
+    path.write_text('{"accounts": {"ada": {"secret": "%s"}}}' % ("s" * 20), encoding="utf-8")
+    path.chmod(0o600)
+    tokens = Tokens("server", AccountSource(str(path)))
+    account = "ada." + "s" * 20
+    assert tokens.may_look(account)
+    wanted = ((tokens.control, 200), ("server", 200), (tokens.view, 401), (account, 401), ("", 401))
+    for token, expected in wanted:
+        head = {"authorizations": bearer(token), "may_look": tokens.may_look}
+        assert granted(Access.CONNECT, tokens=tokens, **head) == expected
+
+
+@pytest.mark.parametrize(
+    ("origin", "expected"),
+    [
+        ("http://localhost:3000", 200),
+        ("https://127.0.0.1:1", 200),
+        ("http://[::1]:8", 200),
+        ("https://lab.example", 200),
+        ("https://lab.example.evil", 403),
+        ("http://localhost.evil.example", 403),
+        ("http://evil.example#http://localhost", 403),
+        ("file://localhost", 403),
+        ("null", 403),
+        ("http://[", 403),
+    ],
+)
+def test_websocket_accepts_pages_of_this_machine_and_of_allowed_origins(origin, expected):
+    head = {"origins": [origin], "allowed": ["https://Lab.example/"]}
+    assert granted(Access.CONNECT, **head) == expected
+    assert granted(Access.LOOK, **head) == 403
+
+
+@given(st.text(), st.sampled_from(list(Access)), st.booleans(), st.text(max_size=20))
+def test_no_text_without_a_token_gives_control(text, access, is_other_user, origin):
+    tokens = Tokens()
+    head = {"authorizations": [text], "is_other_user": is_other_user, "origins": [origin]}
+    assert granted(Access.CONTROL, tokens=tokens, **head) != 200
+    if is_other_user and access in (Access.LOOK, Access.CONNECT):
+        assert granted(access, tokens=tokens, **head) != 200

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import json
 import re
 import ssl
 
@@ -12,9 +13,17 @@ import trustme
 import taskrpc
 from taskrpc.metrics import CONTENT_TYPE
 from taskrpc.tasks import MemoryStore, TaskServer
-from taskrpc.web import Page, WebServer, server, task_pages
+from taskrpc.tasks.server import load_types
+from taskrpc.web import Page, WebServer, server, streams, task_pages
+from taskrpc.web.control import Control
+from taskrpc.web.live import Live
+from taskrpc.web.pages import static_files
+from taskrpc.web.server import LivePage
+from taskrpc.web.streams import LiveStream
+from taskrpc.web.tokens import Tokens
 from tests.taskrpc.metrics.exposition import read
 from tests.taskrpc.tasks.fakes import LineRobot
+from tests.taskrpc.web.test_streams import read as read_events
 
 pytestmark = pytest.mark.real_time
 
@@ -234,3 +243,259 @@ async def test_the_pages_of_a_task_server_are_its_health_and_its_metrics():
             status, _, text = await fetch(f"{web.url}/health")
             assert (status, text) == (503, '{"ready": false, "message": "not ready: ending"}\n')
         await tasks.close()
+
+
+# The live page
+
+
+class Shown:
+    """A task server in memory with a live page at a real socket."""
+
+    def __init__(self, folder, **options):
+        self.folder = folder
+        self.options = options
+        self.tokens = Tokens()
+        self.stream = LiveStream()
+
+    async def __aenter__(self):
+        self.node = taskrpc.Node("task_server", transport="memory")
+        await self.node.start()
+        self.tasks = TaskServer(self.node, LineRobot(), MemoryStore())
+        await self.tasks.start()
+        self.live = LivePage(
+            static_files(self.folder),
+            self.tokens,
+            self.stream,
+            Live(self.tasks.manager, self.stream, lambda: {"node": "/task_server"}),
+            Control(load_types(), lambda _: taskrpc.Node("web_page", transport="memory")),
+        )
+        pages = task_pages(self.tasks, taskrpc.Metrics())
+        options = {"listen": "127.0.0.1:0", **self.options}
+        self.web = WebServer(pages, live=self.live, **options)
+        await self.web.start()
+        self.url = self.web.url
+        return self
+
+    async def __aexit__(self, *_):
+        await self.web.close()
+        await self.tasks.close()
+        await self.node.destroy()
+
+    def bearer(self, token):
+        return {"Authorization": f"Bearer {token}"}
+
+    async def post(self, verb, body="{}", token=None, **headers):
+        headers = {"Content-Type": "application/json", **headers}
+        headers |= self.bearer(self.tokens.control if token is None else token)
+        url = f"{self.url}/control/{verb}"
+        return await fetch(url, method="POST", data=body, headers=headers)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    static = tmp_path / "static"
+    (static / "js").mkdir(parents=True)
+    (static / "index.html").write_text("<!doctype html>", encoding="utf-8")
+    (static / "js" / "map.js").write_text("export const x = 1;", encoding="utf-8")
+    (static / "notes.secret").write_text("secret", encoding="utf-8")
+    (tmp_path / "secret.js").write_text("secret", encoding="utf-8")
+    return static
+
+
+@pytest.fixture
+async def page(folder):
+    async with Shown(folder) as made:
+        yield made
+
+
+async def test_page_and_its_files_are_served_with_the_security_policy(page):
+    status, headers, text = await fetch(f"{page.url}/")
+    assert (status, text) == (200, "<!doctype html>")
+    assert headers["Content-Type"] == "text/html; charset=utf-8"
+    assert headers["Content-Security-Policy"] == (
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:;"
+        " connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    )
+    status, headers, text = await fetch(f"{page.url}/js/map.js")
+    assert (status, text) == (200, "export const x = 1;")
+    assert headers["Content-Type"] == "text/javascript; charset=utf-8"
+
+
+async def test_browser_that_has_a_file_gets_no_body(page):
+    _, headers, _ = await fetch(f"{page.url}/js/map.js")
+    known = {"If-None-Match": f'"other", W/{headers["ETag"]}'}
+    status, again, text = await fetch(f"{page.url}/js/map.js", headers=known)
+    assert (status, text, again["ETag"]) == (304, "", headers["ETag"])
+    status, _, text = await fetch(f"{page.url}/js/map.js", headers={"If-None-Match": "x"})
+    assert (status, text) == (200, "export const x = 1;")
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/js",
+        "/js/",
+        "/notes.secret",
+        "/../secret.js",
+        "/js/../../secret.js",
+        "/%2e%2e/secret.js",
+        "/..%2fsecret.js",
+        "//etc/passwd",
+        "/js/map.js/",
+        "/js\\map.js",
+        "/js/map.js%00",
+        "/index.html",
+    ],
+)
+async def test_only_the_files_of_the_page_are_served(page, path):
+    host = page.url.removeprefix("http://")
+    answer = await raw(page.web, f"GET {path} HTTP/1.1\r\nHost: {host}\r\n\r\n".encode())
+    assert answer.startswith((b"HTTP/1.1 404", b"HTTP/1.0 400"))
+    assert b"secret" not in answer
+
+
+async def next_events(response, *names):
+    """The newest event of each name, once all names have come."""
+    found, text = {}, b""
+    async with asyncio.timeout(30):
+        async for data in response.content.iter_any():
+            text += data
+            *whole, text = text.split(b"\n\n")
+            found |= dict(read_events(b"".join(each + b"\n\n" for each in whole)))
+            if found.keys() >= set(names):
+                break
+    return found
+
+
+async def test_stream_shows_changes_and_the_end_of_the_server(page):
+    async with aiohttp.request("GET", f"{page.url}/live") as response:
+        assert response.status == 200
+        assert response.headers["Content-Type"] == "text/event-stream"
+        found = await next_events(response, "hello", "tasks", "robot", "path")
+        assert found["hello"]["control"] is False
+        body = json.dumps({"task_type": "move", "target": "100", "priority": 5})
+        status, _, text = await page.post("submit", body)
+        assert (status, json.loads(text)["task_id"]) == (200, 1)
+        found = await next_events(response, "tasks")
+        assert [task["task_id"] for task in found["tasks"]["queue"] or [found["tasks"]["running"]]]
+        closing = asyncio.create_task(page.web.close())
+        found = await next_events(response, "ending")
+        assert found["ending"] == {"reason": "the server is ending"}
+        await closing
+    assert not len(page.stream)
+
+
+async def test_hello_says_whether_the_token_allows_control(page):
+    for token, control in ((page.tokens.control, True), (page.tokens.view, False)):
+        headers = page.bearer(token)
+        async with aiohttp.request("GET", f"{page.url}/live", headers=headers) as response:
+            found = await next_events(response, "hello")
+            assert found["hello"]["control"] is control
+
+
+async def test_control_without_its_token_changes_nothing(page):
+    for token in ("", "x", page.tokens.view):
+        status, _, text = await page.post("pause", token=token)
+        assert (status, json.loads(text)["error"]) == (401, "AuthenticationFailed")
+    for expected, (status, _, text) in (
+        (403, await page.post("pause", Origin="http://evil.example")),
+        (421, await page.post("pause", Host="evil.example")),
+        (405, await fetch(f"{page.url}/control/pause")),
+    ):
+        assert status == expected
+        assert json.loads(text).keys() == {"error", "message"}
+    assert not page.tasks.manager.is_paused
+    assert (await page.post("pause"))[0] == 200
+    assert page.tasks.manager.is_paused
+
+
+async def test_too_long_request_of_control_is_refused(page):
+    status, _, text = await page.post("submit", " " * 100_000)
+    assert status == 400
+    assert "at most 65536 bytes" in text
+
+
+async def test_one_task_is_served_as_json(page):
+    await page.tasks.manager.submit("move", "1", 5)
+    status, headers, text = await fetch(f"{page.url}/task/1")
+    assert (status, headers["Content-Type"]) == (200, "application/json")
+    assert json.loads(text)["task_id"] == 1
+    for number in ("2", "x", "", "1/2", "-1", "²", "9" * 30):
+        status, _, text = await fetch(f"{page.url}/task/{number}")
+        assert (status, json.loads(text)["error"]) == (404, "NotFound")
+
+
+async def test_64_pages_get_the_same_events_and_health_still_answers(page):
+    async with (
+        contextlib.AsyncExitStack() as stack,
+        aiohttp.ClientSession(connector=aiohttp.TCPConnector(limit=0)) as session,
+    ):
+        tabs = [await stack.enter_async_context(session.get(f"{page.url}/live")) for _ in range(64)]
+        for tab in tabs:
+            await next_events(tab, "hello", "tasks")
+        await page.tasks.manager.submit("move", "1", 5)
+        for tab in tabs:
+            found = await next_events(tab, "tasks")
+            assert found["tasks"]["revision"] > 0
+        assert (await fetch(f"{page.url}/health"))[0] == 200
+        assert len(page.stream) == 64
+
+
+async def test_one_page_too_many_is_told_so(page, monkeypatch):
+    monkeypatch.setattr(streams, "MAX_TABS", 1)
+    async with aiohttp.request("GET", f"{page.url}/live") as response:
+        await next_events(response, "hello")
+        status, _, text = await fetch(f"{page.url}/live")
+        assert (status, text) == (503, "too many live pages are open\n")
+
+
+async def test_page_stays_open_longer_than_a_request_may_take(folder, monkeypatch):
+    monkeypatch.setattr(server, "REQUEST_TIMEOUT", 0.05)
+    monkeypatch.setattr(streams, "SIGN_OF_LIFE", 0.1)
+    async with Shown(folder) as page, aiohttp.request("GET", f"{page.url}/live") as response:
+        text = b""
+        while text.count(b":\n\n") < 2:
+            text += await response.content.readany()
+
+
+async def test_page_that_does_not_read_is_closed_and_holds_few_bytes(folder, monkeypatch):
+    monkeypatch.setattr(streams, "SIGN_OF_LIFE", 0.05)
+    monkeypatch.setattr(streams, "MAX_UNREAD_SECONDS", 0.2)
+    async with Shown(folder) as page:
+        host, _, port = page.url.rpartition("/")[2].rpartition(":")
+        _, writer = await asyncio.open_connection(host, int(port), limit=1024)
+        writer.write(f"GET /live HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+        while not len(page.stream):
+            await asyncio.sleep(0.01)
+        async with asyncio.timeout(30):
+            while len(page.stream):
+                page.stream.publish([streams.Event("robot", b'"%s"' % (b"x" * 50_000))])
+                await asyncio.sleep(0.002)
+        writer.close()
+
+
+async def test_websocket_upgrade_at_the_root_is_passed_on(folder):
+    async def echo(request):
+        socket = aiohttp.web.WebSocketResponse()
+        await socket.prepare(request)
+        async for message in socket:
+            await socket.send_str(message.data)
+        return socket
+
+    async with Shown(folder, upgrade=echo) as page, aiohttp.ClientSession() as session:
+        headers = {"Origin": "http://localhost:3000"}
+        async with session.ws_connect(f"{page.url}/", headers=headers) as socket:
+            await socket.send_str("hello")
+            assert await socket.receive_str() == "hello"
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await session.ws_connect(page.url, headers={"Origin": "http://evil.example"})
+        assert refused.value.status == 403
+        assert (await fetch(f"{page.url}/"))[2] == "<!doctype html>"
+
+
+async def test_connection_of_another_user_sees_only_files_and_health(page, monkeypatch):
+    monkeypatch.setattr(server, "is_other_user", lambda peer, local: True)
+    for path, expected in (("/", 200), ("/health", 200), ("/live", 401), ("/task/1", 401)):
+        for headers in ({}, page.bearer(page.tokens.control)):
+            assert (await fetch(f"{page.url}{path}", headers=headers))[0] == expected
+    assert (await page.post("pause"))[0] == 401

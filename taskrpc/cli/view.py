@@ -1,0 +1,119 @@
+"""`taskrpc view`: opens the live page of the task server in the browser, or prints its links."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import subprocess
+import sys
+import time
+import webbrowser
+
+from taskrpc.cli.shared import graph
+from taskrpc.cli.shared.command import Exit, NotFound, hinted
+from taskrpc.cli.shared.page_link import PageLink, noted_links
+from taskrpc.errors import TaskRpcError
+from taskrpc.transport.discovery.registry import Registry
+from taskrpc.transport.tcp.tcp_network import domain_id
+
+START_TIMEOUT = 20.0
+"""Seconds that a new server gets to serve its page."""
+
+_SERVICE = "/robot_task"
+_START = (
+    "import sys; sys.argv[0] = 'taskrpc-server'; from taskrpc.__main__ import server;"
+    " sys.exit(server())"
+)
+"""A program that runs taskrpc-server, also where the scripts are not installed."""
+_POLL = 0.05  # seconds between two looks for the page
+_END_TIMEOUT = 5.0  # seconds that the server gets to end
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the arguments of `view`."""
+    parser.epilog = (
+        "Without a running server, it starts taskrpc-server --web and ends it at Ctrl-C."
+        " The link for control is a secret: who has it, may control the robot."
+    )
+    add = parser.add_argument
+    add("--no-browser", action="store_true", help="Print the links instead of opening a browser")
+    what = "Open the page for a projector: large letters, and no buttons"
+    add("--projector", action="store_true", help=what)
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    if links := noted_links():
+        _show(links[0], options)
+        return Exit.DONE
+    _refuse_server_without_page()
+    return _run_server(options)
+
+
+def _refuse_server_without_page() -> None:
+    """Raise NotFound if a task server runs that has no page: a second one could not start."""
+    for entry in graph.others(Registry(domain_id()).entries()):
+        if entry.offers(_SERVICE):
+            program = f"{entry.script} (pid {entry.pid})"
+            raise hinted(
+                NotFound(f"{program} offers {_SERVICE}, but has no live page"),
+                f"end it with `taskrpc stop {entry.pid}`, and start it with --web 127.0.0.1:0",
+            )
+
+
+def _run_server(options: argparse.Namespace) -> int:
+    """Start a server with a page, show the page, and end the server at Ctrl-C."""
+    command = [sys.executable, "-c", _START, "--web", "127.0.0.1:0"]
+    with subprocess.Popen(command) as server:
+        try:
+            _show(_link_of(server), options)
+            print("Ctrl-C ends the server", file=sys.stderr, flush=True)
+            return server.wait()
+        except KeyboardInterrupt:
+            return Exit.INTERRUPTED
+        finally:
+            _end(server)
+
+
+def _link_of(server: subprocess.Popen[bytes]) -> PageLink:
+    """Wait for the page of a new server. Raises TaskRpcError."""
+    deadline = time.monotonic() + START_TIMEOUT
+    while time.monotonic() < deadline and server.poll() is None:
+        for link in noted_links():
+            if link.pid == server.pid:
+                return link
+        time.sleep(_POLL)
+    if server.poll() is not None:
+        raise TaskRpcError("taskrpc-server could not start; its message is above")
+    raise TaskRpcError(f"taskrpc-server did not serve its page within {START_TIMEOUT:g} s")
+
+
+def _end(server: subprocess.Popen[bytes]) -> None:
+    if server.poll() is not None:
+        return
+    try:
+        # At Ctrl-C a terminal signals both processes; if only this one got it, pass it on.
+        server.wait(0.2)
+    except subprocess.TimeoutExpired:
+        server.send_signal(signal.SIGTERM)
+        try:
+            server.wait(_END_TIMEOUT)
+        except subprocess.TimeoutExpired:
+            server.kill()
+
+
+def _show(link: PageLink, options: argparse.Namespace) -> None:
+    """Open the page in the browser, or print its links where no browser can be opened."""
+    if not options.no_browser and link.is_local:
+        chosen = link.projector_link if options.projector else link.control_link
+        if webbrowser.open(chosen):
+            print(f"the live page is at {link.url}/", file=sys.stderr, flush=True)
+            return
+        print("no browser can be opened here; open a link yourself:", file=sys.stderr)
+    elif not options.no_browser:
+        # On other systems and machines, a link in a browser's command line would give control to
+        # everybody who can see it.
+        print("other machines can reach this page; open a link yourself:", file=sys.stderr)
+    print(f"control:   {link.control_link}")
+    print(f"look:      {link.view_link}")
+    print(f"projector: {link.projector_link}", flush=True)

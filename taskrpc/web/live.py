@@ -1,0 +1,433 @@
+"""What the live page shows, as events: tasks, robot, path, scan, graph and class.
+
+`LiveTasks` makes the JSON of tasks and robot from a task manager. `Live` runs while pages are open:
+ten times a second it looks for changes and publishes them to the stream. All lists are bounded.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import heapq
+import logging
+import math
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import metadata
+from typing import Any, Protocol
+
+import msgspec
+
+from taskrpc.robot.world import World
+from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.model import BEFORE_RUNNING_KEY, RUNNING_KEY, Task, TaskState
+from taskrpc.tasks.pages import page
+from taskrpc.tasks.queue.estimate_log import DelayEvent
+from taskrpc.web.streams import CallsEvent, Event, LiveStream
+
+log = logging.getLogger("taskrpc.web")
+
+PROTOCOL = 1
+"""The version of the events; a page of another version reloads itself."""
+TICK = 0.1
+"""Seconds between two looks for changes."""
+PROGRESS_PERIOD = 0.5
+"""Minimum seconds between two `tasks` events if only the running task's progress has changed."""
+ROBOT_PERIOD = 1.0
+"""Maximum seconds between two `robot` events while a task runs."""
+CALLS_TICKS = 2
+"""Ticks between two `calls` events."""
+GRAPH_PERIOD = 1.0
+"""Seconds between two looks at the nodes, and at the class."""
+
+MAX_QUEUE, MAX_ENDED, MAX_MOVES, MAX_RANGES, MAX_NODES = 50, 30, 20, 4096, 100
+"""The most entries of each list."""
+
+_MIN_MOVE = 0.1  # seconds; smaller changes of an estimate are not shown
+_MIN_COMMON_MOVE = 0.5  # the same for a change that all tasks have, such as a pause
+_MAX_DELAYS = 200  # new delays that one look considers
+
+
+class _Scan(msgspec.Struct):
+    """The result of a scan, as `Robot.execute` returns it."""
+
+    pose: dict[str, float]
+    angle_min: float
+    angle_increment: float
+    range_max: float
+    ranges: list[float | None]
+
+
+def task_json(task: Task, estimated_time: float) -> dict[str, Any]:
+    """Return a task as the events contain it."""
+    return {
+        "task_id": task.task_id,
+        "task_type": task.task_type,
+        "target": task.target,
+        "priority": task.priority,
+        "state": task.state.value,
+        "client": task.client,
+        "estimated_time": round(estimated_time, 3),
+        "accepted_estimate": round(task.accepted_estimate, 3),
+        "progress": round(task.progress, 4),
+        "message": task.message,
+        "submitted": task.submitted_at,
+        "started": task.started_at,
+        "ended": task.ended_at,
+    }
+
+
+def whole_task_json(manager: TaskManager, task_id: int) -> bytes | None:
+    """Return one task with its result and the changes of its estimate; None if there is none."""
+    task = manager.repository.find(task_id)
+    if task is None:
+        return None
+    manager.update_estimates()
+    changes = [{"seconds": each.seconds, "cause": each.cause} for each in manager.changes(task)]
+    result = msgspec.Raw(task.result.encode()) if task.result else None
+    whole = task_json(task, manager.estimate(task_id)) | {"result": result, "changes": changes}
+    return msgspec.json.encode(whole)
+
+
+def map_json(robot: object) -> dict[str, Any] | None:
+    """Return the map of a robot that has a `World`; None for other robots."""
+    world = getattr(robot, "world", None)
+    if not isinstance(world, World):
+        return None
+    return {
+        "size": world.size,
+        "radius": world.robot_radius,
+        "dock": world.dock,
+        "boxes": [box.corners() for box in world.obstacles],
+        "places": dict(world.places),
+    }
+
+
+class LiveTasks:
+    """Makes the events `tasks`, `robot`, `path` and `scan` of a task manager, when they change.
+
+    `now` is an instant on the loop's clock, `wall` the time of day in seconds since 1970.
+    """
+
+    def __init__(self, manager: TaskManager) -> None:
+        self._manager = manager
+        self._revision = -1
+        """The revision of the last `tasks` event; -1 before the first."""
+        self._tasks_at = self._robot_at = -math.inf
+        """The instants of the last `tasks` and `robot` events."""
+        self._shown: set[int] = set()
+        """The running and queued tasks of the last `tasks` event."""
+        self._moves: deque[dict[str, Any]] = deque(maxlen=MAX_MOVES)
+        """Newest first."""
+        self._delay = manager.delays.mark(), 0.0
+        """The number of the last delay that was considered, and its seconds then."""
+        self._ended: list[dict[str, Any]] = []
+        self._counts: Counter[str] = Counter()
+        self._scan_id = 0
+        """The task of the last `scan` event."""
+        self._robot: tuple[object, ...] = ()
+        self._pose: object = None
+        self._path: object = None
+
+    def events(self, now: float, wall: float) -> Iterator[Event]:
+        """Yield the events for everything that has changed since the last call."""
+        yield from self._tasks_event(now, wall)
+        yield from self._robot_events(now, wall)
+
+    def _tasks_event(self, now: float, wall: float) -> Iterator[Event]:
+        manager, feed = self._manager, self._manager.change_feed
+        rows = page(manager, "", limit=MAX_QUEUE + 1).rows
+        moved = self._note_moves([row.task for row in rows], wall)
+        if feed.revision == self._revision and not moved:
+            return
+        changed = feed.changed_since(self._revision)
+        if self._is_progress(changed):
+            if now - self._tasks_at < PROGRESS_PERIOD:
+                return
+        else:
+            self._update_ended()
+            yield from self._scan_event()
+        self._revision, self._tasks_at = feed.revision, now
+        running = rows.pop(0) if rows and rows[0].task.state is not TaskState.QUEUED else None
+        rows = rows[:MAX_QUEUE]
+        self._shown = {row.task.task_id for row in (*rows, *([running] if running else ()))}
+        queued = len(manager.queue)
+        yield _event(
+            "tasks",
+            {
+                "revision": feed.revision,
+                "t": wall,
+                "paused": manager.is_paused,
+                "queued": queued,
+                "running": task_json(running.task, running.estimated_time) if running else None,
+                "queue": [task_json(row.task, row.estimated_time) for row in rows],
+                "more": max(0, queued - len(rows)),
+                "ended": self._ended,
+                "counts": self._counts,
+                "moves": list(self._moves),
+            },
+        )
+
+    def _is_progress(self, changed: Sequence[int] | None) -> bool:
+        """Whether only the progress of a running task has changed."""
+        if self._revision < 0 or not changed or not self._shown.issuperset(changed):
+            return False
+        found = (self._manager.repository.find(task_id) for task_id in changed)
+        return all(task is not None and task.state is TaskState.RUNNING for task in found)
+
+    def _update_ended(self) -> None:
+        ended = list(self._manager.repository.ended())
+        newest = heapq.nlargest(MAX_ENDED, ended, key=lambda task: task.ended_at or 0.0)
+        self._ended = [task_json(task, 0.0) for task in newest]
+        self._counts = Counter(task.state.value for task in ended)
+
+    def _scan_event(self) -> Iterator[Event]:
+        for shown in self._ended:
+            task = self._manager.repository.find(shown["task_id"])
+            if task is None or '"ranges"' not in task.result:
+                continue
+            if task.task_id != self._scan_id and (scan := _scan_of(task)) is not None:
+                self._scan_id = task.task_id
+                yield _event("scan", scan)
+            return
+
+    def _note_moves(self, tasks: Sequence[Task], wall: float) -> bool:
+        """Note which shown tasks will end at another time than before, and why."""
+        number, counted = self._delay
+        delays = self._manager.delays.since(number)[-_MAX_DELAYS:]
+        if not delays:
+            return False
+        self._delay = delays[-1].number, delays[-1].seconds
+        shifts = [
+            (delay, delay.seconds - (counted if delay.number == number else 0.0))
+            for delay in delays
+        ]
+        found = []
+        for task in tasks:
+            if task.task_id in self._shown:  # a newer task has these delays in its estimate
+                totals: dict[str, float] = {}
+                for delay, seconds in shifts:
+                    if _concerns(delay, task, seconds):
+                        totals[delay.cause] = totals.get(delay.cause, 0.0) + seconds
+                found += [
+                    {"task_id": task.task_id, "seconds": round(sum_, 3), "cause": cause, "t": wall}
+                    for cause, sum_ in totals.items()
+                    if abs(sum_) >= _MIN_MOVE
+                ]
+        self._moves.extendleft(reversed(found[:MAX_MOVES]))
+        return bool(found)
+
+    def _robot_events(self, now: float, wall: float) -> Iterator[Event]:
+        manager = self._manager
+        telemetry, running = manager.telemetry(), manager.running
+        pose = telemetry.pose
+        moving, self._pose = self._pose not in (None, pose), pose
+        battery = None if telemetry.battery is None else round(telemetry.battery, 1)
+        odometer = None if telemetry.odometer is None else round(telemetry.odometer, 2)
+        robot = (pose, moving, battery, odometer, running is None)
+        is_due = running is not None and now - self._robot_at >= ROBOT_PERIOD
+        if robot != self._robot or is_due:
+            self._robot, self._robot_at = robot, now
+            yield _event(
+                "robot",
+                {
+                    "t": wall,
+                    "x": round(pose.x, 4),
+                    "y": round(pose.y, 4),
+                    "theta": round(pose.theta, 4),
+                    "moving": moving,
+                    "remaining": round(manager.remaining(), 3),
+                    "battery": battery,
+                    "odometer": odometer,
+                },
+            )
+        path = (None if running is None else running.task_id, telemetry.path if running else ())
+        if path != self._path:
+            self._path = path
+            yield _event("path", {"task_id": path[0], "points": path[1]})
+
+
+def _concerns(delay: DelayEvent, task: Task, seconds: float) -> bool:
+    """Whether a task ends later or earlier by a delay, so that a user should see it."""
+    if delay.only_task:
+        return delay.only_task == task.task_id
+    if delay.after == BEFORE_RUNNING_KEY and abs(seconds) < _MIN_COMMON_MOVE:
+        return False
+    key = task.order_key if task.state is TaskState.QUEUED else RUNNING_KEY
+    return delay.after < key
+
+
+def _scan_of(task: Task) -> dict[str, Any] | None:
+    try:
+        scan = msgspec.json.decode(task.result, type=_Scan)
+        x, y, theta = (scan.pose[name] for name in ("x", "y", "theta"))
+    except (msgspec.MsgspecError, KeyError):
+        return None  # a robot of the user's own may return anything
+    if len(scan.ranges) > MAX_RANGES:
+        return None
+    return {
+        "task_id": task.task_id,
+        "t": task.ended_at,
+        "x": x,
+        "y": y,
+        "theta": theta,
+        "angle_min": scan.angle_min,
+        "angle_increment": scan.angle_increment,
+        "range_max": scan.range_max,
+        "ranges": scan.ranges,
+    }
+
+
+class LiveCalls(Protocol):
+    """The calls that the page shows; see `taskrpc.web.calls.CallLog`."""
+
+    is_active: bool
+    """Whether pages are open, so that details of calls are kept."""
+
+    def event(self, now: float) -> CallsEvent | None:
+        """Return the calls since the last event, None if nothing has changed."""
+
+
+class LiveGraph(Protocol):
+    """The nodes that the page shows; see `taskrpc.web.graph.NodeGraph`."""
+
+    async def look(self) -> list[dict[str, Any]]:
+        """Return all nodes as JSON values."""
+
+    def close(self) -> None:
+        """Stop watching the calls of other programs."""
+
+
+class Live:
+    """Publishes what the live page shows, while pages are open.
+
+    Args:
+        manager: the tasks and the robot.
+        stream: sends the events to the pages.
+        about: what `hello` says about the server, besides the robot's speed and the version.
+        calls, graph: the calls and the nodes; without them, the page shows none.
+        students: returns the students of a class as JSON values, None without a class.
+        wall_clock: the time of day, in seconds since 1970.
+    """
+
+    def __init__(
+        self,
+        manager: TaskManager,
+        stream: LiveStream,
+        about: Callable[[], Mapping[str, object]],
+        *,
+        calls: LiveCalls | None = None,
+        graph: LiveGraph | None = None,
+        students: Callable[[], list[dict[str, Any]]] | None = None,
+        wall_clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._manager = manager
+        self._stream = stream
+        self._about = about
+        self._calls = calls
+        self._graph = graph
+        self._students = students
+        self._wall_clock = wall_clock
+        self._tasks: LiveTasks | None = None
+        """Made when the first page opens."""
+        self._running: list[asyncio.Task[None]] = []
+        self._seen: dict[str, bytes] = {}
+        """The last `graph` and `class` events."""
+        self._ticks = 0
+        self._problem = ""
+        """The last logged exception."""
+        stream.source = self
+
+    def hello(self, *, control: bool) -> bytes:
+        """Return the first event of a page as text; `control`: whether it may change tasks."""
+        server = {
+            **self._about(),
+            "speed": float(self._manager.robot.speed),
+            "version": metadata.version("taskrpc"),
+        }
+        return _event(
+            "hello",
+            {
+                "protocol": PROTOCOL,
+                "server": server,
+                "control": control,
+                "now": self._wall_clock(),
+                "map": map_json(self._manager.robot),
+            },
+        ).text
+
+    def task(self, task_id: int) -> bytes | None:
+        """Return one task with its result and changes as JSON, None if there is none."""
+        return whole_task_json(self._manager, task_id)
+
+    def begin(self) -> None:
+        """Publish all states now, and their changes from now on."""
+        self._tasks = LiveTasks(self._manager)
+        self._seen.clear()
+        if self._calls is not None:
+            self._calls.is_active = True
+        self._publish()
+        self._running = [asyncio.create_task(self._publish_changes(), name="taskrpc live page")]
+        if self._graph is not None or self._students is not None:
+            self._running.append(asyncio.create_task(self._publish_nodes(), name="taskrpc graph"))
+
+    def end(self) -> None:
+        """Stop publishing."""
+        for task in self._running:
+            task.cancel()
+        self._running.clear()
+        if self._calls is not None:
+            self._calls.is_active = False
+        if self._graph is not None:
+            self._graph.close()
+
+    async def _publish_changes(self) -> None:
+        while True:
+            await asyncio.sleep(TICK)
+            self._publish()
+
+    def _publish(self) -> None:
+        with self._logged("tasks"):
+            self._publish_tasks()
+
+    def _publish_tasks(self) -> None:
+        assert self._tasks is not None, "published before the first page"
+        now = asyncio.get_running_loop().time()
+        events: list[Event | CallsEvent] = [*self._tasks.events(now, self._wall_clock())]
+        self._ticks += 1
+        if self._calls is not None and self._ticks % CALLS_TICKS == 1:
+            calls = self._calls.event(now)
+            events += [] if calls is None else [calls]
+        self._stream.publish(events)
+
+    async def _publish_nodes(self) -> None:
+        while True:
+            with self._logged("nodes"):
+                if self._graph is not None:
+                    nodes = await self._graph.look()
+                    self._publish_list("graph", "nodes", nodes, MAX_NODES)
+                if self._students is not None:
+                    self._publish_list("class", "students", self._students(), 2 * MAX_NODES)
+            await asyncio.sleep(GRAPH_PERIOD)
+
+    @contextlib.contextmanager
+    def _logged(self, what: str) -> Iterator[None]:
+        """Log an exception once: a part that cannot be shown must not stop the other parts."""
+        try:
+            yield
+        except Exception as error:
+            problem = f"{what}: {error!r}"
+            if problem != self._problem:
+                self._problem = problem
+                log.exception("the live page cannot show the %s", what)
+
+    def _publish_list(self, name: str, key: str, items: list[dict[str, Any]], most: int) -> None:
+        json = msgspec.json.encode({key: items[:most], "more": max(0, len(items) - most)})
+        if json != self._seen.get(name):
+            self._seen[name] = json
+            self._stream.publish([Event(name, json)])
+
+
+def _event(name: str, value: Mapping[str, Any]) -> Event:
+    return Event(name, msgspec.json.encode(value))

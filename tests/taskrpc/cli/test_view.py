@@ -1,0 +1,127 @@
+"""`taskrpc view` finds the page of a running server, and never puts a token where others see it."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+import webbrowser
+
+import pytest
+
+from taskrpc.cli import view
+from taskrpc.cli.main import main
+from taskrpc.cli.shared.page_link import NotedLink, PageLink
+
+LOCAL = PageLink(os.getpid(), "http://127.0.0.1:8642", "VIEW", "CONTROL")
+REMOTE = PageLink(os.getpid(), "https://192.0.2.7:8642", "VIEW", "CONTROL")
+
+
+@pytest.fixture
+def opened(monkeypatch):
+    found = []
+    monkeypatch.setattr(webbrowser, "open", lambda url: found.append(url) or True)
+    return found
+
+
+@pytest.fixture
+def note():
+    noted = []
+
+    def _note(link):
+        noted.append(NotedLink(link))
+        return noted[-1]
+
+    yield _note
+    for each in noted:
+        each.close()
+
+
+def test_link_for_control_is_opened_in_the_browser(note, opened, capsys):
+    note(LOCAL)
+    assert main(["view"]) == 0
+    assert opened == ["http://127.0.0.1:8642/#control=CONTROL"]
+    said = capsys.readouterr()
+    assert (said.out, said.err) == ("", "the live page is at http://127.0.0.1:8642/\n")
+
+
+def test_projector_gets_a_link_without_a_token(note, opened):
+    note(LOCAL)
+    assert main(["view", "--projector"]) == 0
+    assert opened == ["http://127.0.0.1:8642/?projector"]
+
+
+@pytest.mark.parametrize("arguments", [["--no-browser"], ["--no-browser", "--projector"]])
+def test_links_are_printed_on_request(note, opened, capsys, arguments):
+    note(LOCAL)
+    assert main(["view", *arguments]) == 0
+    assert opened == []
+    assert capsys.readouterr().out.splitlines() == [
+        "control:   http://127.0.0.1:8642/#control=CONTROL",
+        "look:      http://127.0.0.1:8642/",
+        "projector: http://127.0.0.1:8642/?projector",
+    ]
+
+
+def test_links_are_printed_where_no_browser_can_be_opened(note, monkeypatch, capsys):
+    monkeypatch.setattr(webbrowser, "open", lambda url: False)
+    note(LOCAL)
+    assert main(["view"]) == 0
+    assert "#control=CONTROL" in capsys.readouterr().out
+
+
+def test_token_of_a_page_for_other_machines_is_in_no_command_line(note, opened, capsys):
+    note(REMOTE)
+    assert main(["view"]) == 0
+    assert opened == []
+    assert capsys.readouterr().out.splitlines() == [
+        "control:   https://192.0.2.7:8642/#control=CONTROL",
+        "look:      https://192.0.2.7:8642/#view=VIEW",
+        "projector: https://192.0.2.7:8642/?projector#view=VIEW",
+    ]
+
+
+def test_server_that_cannot_start_is_reported(monkeypatch, capsys, opened):
+    monkeypatch.setattr(view, "_START", "import sys; sys.exit('the port is taken')")
+    assert main(["view"]) == 1
+    assert "taskrpc-server could not start; its message is above" in capsys.readouterr().err
+    assert opened == []
+
+
+@pytest.mark.real_time
+def test_without_a_server_it_starts_one_and_ends_it(tmp_path):
+    command = [sys.executable, "-m", "taskrpc", "view", "--no-browser"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as viewing:
+        lines = [viewing.stdout.readline() for _ in range(3)]
+        assert lines[0].startswith(b"control:   http://127.0.0.1:")
+        viewing.send_signal(signal.SIGINT)
+        _, said = viewing.communicate(timeout=60)
+    assert viewing.returncode == 130
+    assert b"Traceback" not in said
+    port = int(lines[1].rstrip(b"/\n").rpartition(b":")[2])
+    with pytest.raises(OSError):  # noqa: PT011 (the system's own words)
+        __import__("socket").create_connection(("127.0.0.1", port), timeout=5)
+
+
+@pytest.mark.real_time
+def test_server_without_a_page_is_named(capsys):
+    command = [sys.executable, "-m", "taskrpc.cli.server", "--db", ":memory:"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
+        while "ready" not in server.stderr.readline():
+            assert server.poll() is None
+        assert main(["view"]) == 1
+        said = capsys.readouterr().err
+        server.terminate()
+        server.communicate()
+    assert "offers /robot_task, but has no live page" in said
+    assert f"end it with `taskrpc stop {server.pid}`, and start it with --web 127.0.0.1:0" in said
+
+
+def test_waiting_for_the_page_has_a_limit(monkeypatch):
+    monkeypatch.setattr(view, "START_TIMEOUT", 0.2)
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as silent:
+        began = time.monotonic()
+        with pytest.raises(view.TaskRpcError, match="did not serve its page within"):
+            view._link_of(silent)
+        assert time.monotonic() - began < 10
+        silent.communicate(b"\n")
