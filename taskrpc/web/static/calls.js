@@ -1,6 +1,6 @@
 // Draws the calls live: one lane a client, then the server, the queue and the robot; time goes right.
 
-import { byId, drawn, element, setAttribute, setText } from "./dom.js";
+import { byId, calm, drawn, element, setAttribute, setText } from "./dom.js";
 import { Lanes } from "./lanes.js";
 import { callText, meaning, milliseconds, plural, taskText } from "./words.js";
 
@@ -189,8 +189,9 @@ export class CallsView {
   }
 
   /** Move the drawing; this is all that happens in a frame without news. */
-  frame(now) {
+  frame(time) {
     if (!this.isShown || !this.lanes.ready) return;
+    const now = calm.matches ? Math.floor(time) : time; // reduced motion: one step a second
     this.moving.style.transform = `translateX(${(this.lanes.width - (now - this.origin) * this.pixels).toFixed(1)}px)`;
   }
 
@@ -209,7 +210,7 @@ export class CallsView {
     }
     this.tooltip.hidden = !found;
     if (!found) return;
-    const lines = [`${found.client} → ${found.service}`, `${found.state}, ${callText(found, this.model.now())}`, meaning(found.code), found.deadline_ms == null ? "no deadline" : `deadline ${milliseconds(found.deadline_ms)}`, found.task_id == null ? "" : `task ${found.task_id}`];
+    const lines = [`${found.client} → ${found.service}`, `${found.state === "ok" ? "ok, " : ""}${callText(found, this.model.now())}`, meaning(found.code), found.deadline_ms == null ? "no deadline" : `deadline ${milliseconds(found.deadline_ms)}`, found.task_id == null ? "" : `task ${found.task_id}`];
     setText(this.tooltip, lines.filter(Boolean).join("\n"));
     this.tooltip.style.transform = `translate(${Math.min(event.clientX, innerWidth - 280)}px, ${event.clientY - 16}px) translateY(-100%)`;
   }

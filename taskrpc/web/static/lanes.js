@@ -5,6 +5,7 @@ import { drawn, element, setAttribute, setText } from "./dom.js";
 const LANE = 1.75; // rem, the least height of a lane
 const LANE_PROJECTOR = 1.125; // rem, the least height where the text is twice as large
 const LANE_MOST = 4.5; // rem
+const TOP = 0.5; // rem above the first lane, for its labels; as in style.css
 const IDLE = 12; // seconds after which a client's lane may go to another client
 
 export const SERVER = "server";
@@ -25,6 +26,7 @@ export class Lanes {
     this.others = new Map(); // client without a lane -> when it called
     this.most = 2; // lanes of clients that there is room for
     this.revision = 0; // counts the changes of the lanes
+    this.ready = false; // whether the panel is shown and large enough
   }
 
   /** Take the size of the panel, in pixels; return whether it can be drawn. */
@@ -34,7 +36,7 @@ export class Lanes {
     this.width = width;
     this.height = height;
     const least = "projector" in document.documentElement.dataset ? LANE_PROJECTOR : LANE;
-    this.most = Math.max(2, Math.floor(height / (least * this.rem)) - 3);
+    this.most = Math.max(2, Math.floor((height - TOP * this.rem) / (least * this.rem)) - 3);
     this.makeRoom();
     this.layout();
     return (this.ready = true);
@@ -86,7 +88,7 @@ export class Lanes {
   }
 
   countOthers() {
-    setText(this.names.children[this.clients.length].firstChild, `${this.others.size} more`);
+    if (this.ready) setText(this.names.children[this.clients.length].firstChild, `${this.others.size} more`);
   }
 
   layout() {
@@ -96,7 +98,8 @@ export class Lanes {
     rows.push([SERVER, "server"], [QUEUE, "queue"], [ROBOT, "robot"]);
     this.rows = rows;
     if (!this.height) return;
-    this.lane = Math.min(this.height / rows.length, LANE_MOST * this.rem);
+    this.top = TOP * this.rem;
+    this.lane = Math.min((this.height - this.top) / rows.length, LANE_MOST * this.rem);
     this.index = new Map(this.clients.map((client, i) => [client.name, i]));
     const fixed = rows.length - 3;
     this.server = this.middle(fixed);
@@ -119,7 +122,7 @@ export class Lanes {
   }
 
   middle(i) {
-    return (i + 0.5) * this.lane;
+    return this.top + (i + 0.5) * this.lane;
   }
 
   /** Return the y of a client's lane. */
