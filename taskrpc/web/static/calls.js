@@ -22,11 +22,10 @@ export class CallsView {
     this.root = byId("calls");
     this.empty = element("div", { class: "empty", id: "calls_empty" }, "No call in the last seconds. Each call appears here: from its client to the server, the queue and the robot.");
     this.lanes = new Lanes(this.root, "Calls of the last ten seconds; the tab List shows them as a table");
-    this.root.append(this.empty);
     this.bars = drawn("g");
     this.work = drawn("g");
     this.moving = drawn("svg", { class: "moving", "aria-hidden": "true" }, this.bars, this.work);
-    this.lanes.track.append(this.moving);
+    this.lanes.track.append(this.moving, this.empty);
     this.tooltip = byId("tooltip");
     this.origin = 0;
     this.open = new Map(); // id of an open call -> its mark

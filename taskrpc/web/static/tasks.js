@@ -244,9 +244,10 @@ class QueueView {
   }
 
   explain(moves, fresh) {
+    const known = this.explained; // all moves of one cause have the same time
     for (const move of [...moves].reverse()) {
-      if (move.t <= this.explained) continue;
-      this.explained = move.t;
+      if (move.t <= known) continue;
+      this.explained = Math.max(this.explained, move.t);
       // Old reasons are no news: after a reconnection, or a jump in a recording.
       if (fresh || this.model.now() - move.t >= REASON / 1000) continue;
       this.rows.get(move.task_id)?.explain(move);
