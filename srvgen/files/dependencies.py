@@ -165,7 +165,7 @@ class _Walk:
             self.problems.append(DefinitionError(problem, path=str(location.path)))
         for field in references(definition):
             if len(self.problems) >= limits.PROBLEMS:
-                break  # searching for similar names costs time, and nobody reads more problems
+                break  # searching for similar names costs time, and so many problems are enough
             self._follow(field, location)
         self._check_memory(definition, location)
         self._open.pop()

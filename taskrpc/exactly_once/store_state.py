@@ -91,7 +91,7 @@ class StoreState:
             self._opening.cancel()
         if not self._store_id.done():
             self._store_id.set_exception(HandlerFailed(Code.UNAVAILABLE, problem))
-            self._store_id.exception()  # else asyncio warns if nobody waits for the id
+            self._store_id.exception()  # else asyncio warns if no coroutine waits for the id
 
     # What runs
 

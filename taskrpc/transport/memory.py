@@ -146,7 +146,7 @@ class MemoryNetwork:
     def _listener(self, address: Address) -> Listener:
         listener = self._hub.listeners.get(address.place)
         if listener is None:
-            raise ConnectionRefusedError(f"nobody listens at {address.place}")
+            raise ConnectionRefusedError(f"no server listens at {address.place}")
         return listener
 
     def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
