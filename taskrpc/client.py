@@ -28,7 +28,7 @@ DEFAULT_TIMEOUT = 10.0
 
 
 class Unset(Enum):
-    """Marks an argument that the caller did not give, where None has a meaning."""
+    """The default of an argument for which None has a meaning of its own."""
 
     UNSET = "UNSET"
 
@@ -69,7 +69,7 @@ class Client(Generic[RequestT, ResponseT]):
         self._channel = transport.channel(name, srv_type, node, otherwise=otherwise)
         # Other threads may not read a clock that belongs to the event loop.
         self._thread_channel = self._channel if self._now is time.monotonic else None
-        """The channel for other threads than the event loop's; None if only that can send."""
+        """The channel for other threads; None if only the event loop can send."""
 
     @property
     def channel(self) -> Channel:
@@ -96,11 +96,12 @@ class Client(Generic[RequestT, ResponseT]):
 
         `timeout` is in seconds and covers everything: finding the service, waiting, retries.
         Nothing is sent before the call is awaited. A call of an exactly-once service is repeated
-        until its deadline if its response is lost. `request_id` is its id: a request with the same
-        id runs once, even if another program sends it again.
+        until its deadline if its response is lost. `request_id` is the id of its request: requests
+        with the same id run once, even if another program sends one of them.
 
         Raises:
-            ServiceUnavailable: no server offers the service (with `retry`: until the deadline).
+            ServiceUnavailable: no server offers the service; with `retry`, none did until the
+                deadline.
             DeadlineExceeded: no response in time; the client has cancelled the call at the server.
             InvalidRequest: a value does not fit its field.
             TypeMismatch, ServerBusy, HandlerFailed, OutcomeUnknown, …: see `taskrpc.errors`.
@@ -114,8 +115,8 @@ class Client(Generic[RequestT, ResponseT]):
         if call is None:
             response = await self._attempts(request, deadline, policy, request_id).result()
             return response
-        # A fast path for the first attempt, which `Attempts` would make too: its coroutine would
-        # cost a tenth of the call. A test compares both.
+        # The fast path does the same as the first attempt of `Attempts`, whose coroutine would cost
+        # a tenth of the call. A test compares both.
         if (counter := call.counter) is None:
             try:
                 response = await call.future
@@ -281,11 +282,11 @@ class ObservedClient(Client[RequestT, ResponseT]):
         future.add_done_callback(began.done)
         return future
 
-    def _begin(self) -> _Begun:
-        return _Begun(self._observer, self.service_name, self._now)
+    def _begin(self) -> _ObservedCall:
+        return _ObservedCall(self._observer, self.service_name, self._now)
 
 
-class _Begun:
+class _ObservedCall:
     """One call that is reported to an observer."""
 
     def __init__(self, observer: Observer, service: str, now: Callable[[], float]) -> None:

@@ -53,19 +53,19 @@ class Node:
 
     Args:
         name: follows ROS's naming rules.
-        namespace: follows ROS's naming rules. The default is the root, or this user's namespace in
-            the joined lab (`taskrpc join`), if the node calls the lab.
+        namespace: follows ROS's naming rules. The default is the root namespace; for a node that
+            calls the lab of `taskrpc join`, it is the user's namespace in this lab.
         transport: `tcp`, or `memory` for nodes of this event loop only (tests, demos).
-        listen: `HOST:PORT` to listen at, or `unix:/path` (`unix:` alone: in the runtime folder);
-            by default any free loopback port.
+        listen: `HOST:PORT` to listen at, or `unix:/path`; `unix:` alone chooses a path in the
+            runtime folder. The default is any free loopback port.
         peers: `HOST:PORT` (or `unix:/path`) of processes to call, instead of this machine's
             registry (`TASKRPC_PEERS` if not given).
         tls: certificates, for connections to and from other machines.
         token: the secret that callers and peers on other machines must know
-            (`TASKRPC_TOKEN` if not given); processes of one user and machine need none.
-        accounts: the other users that may call, with their roles: `Accounts`, or the path of a file
-            (JSON, TOML) that is read again when it changes. Without accounts, the token allows
-            everything.
+            (`TASKRPC_TOKEN` if not given). Processes of the same user on this machine need none.
+        accounts: the other users that may call, with their roles: `Accounts`, or the path of a
+            JSON or TOML file. The node reads the file again when it changes. Without accounts, the
+            token allows everything.
         keepalive: when to give up on a silent peer: `default` (8 s) or `robot` (2 s);
             `TASKRPC_KEEPALIVE` if not given.
         observer: receives an event for each call; a `Metrics`, or an `Observer` of your own.
@@ -110,7 +110,7 @@ class Node:
         self._observer = observer
         self._transport: Transport | None = None
         """None before `start` and after `destroy`."""
-        # Ordered sets: thousands may come and go.
+        # Dicts as ordered sets: removing one of thousands of entries is fast.
         self._services: dict[Service | DeferredService, None] = {}
         self._clients: dict[Client[Any, Any], None] = {}
         self._retries: dict[str, int] = {}
@@ -120,7 +120,7 @@ class Node:
         self._earlier_topics: dict[str, TopicStatus] = {}
         """The counts of destroyed publishers and subscriptions, by topic."""
         self._introspection: ServiceIntrospection | None = None
-        """Made when a service is first introspected."""
+        """None until `configure_introspection` is called."""
 
     # Names and address
 
@@ -142,7 +142,7 @@ class Node:
 
     @property
     def address(self) -> str:
-        """The address for calls: `HOST:PORT` or `unix:/path`, "" before it offers anything."""
+        """The address for calls: `HOST:PORT` or `unix:/path`; "" until the node offers anything."""
         return self._transport.address if self._transport is not None else ""
 
     # Start and end
@@ -250,13 +250,13 @@ class Node:
             idempotent: whether clients may repeat a call, because repeating it does no harm.
             exactly_once: a store. A repeated call does not run again but gets the stored response,
                 also from a later server of the same store. The callback may return an `Effect`;
-                then a call runs until the effect is stored.
+                then the call ends only when the effect is stored.
             join: whether other processes may offer a service with the same name.
             role: the least role that the caller's account must have, if the node has accounts.
 
         Raises NameInUse, InvalidName, CannotListen; StoreError if another loop uses the store.
         """
-        from taskrpc.service import Service  # with threads for callbacks; clients need none
+        from taskrpc.service import Service  # imports thread pools, which clients do not need
 
         service = Service(
             self._started(),
@@ -284,7 +284,7 @@ class Node:
         join: bool = False,
         role: Role = Role.SUBMIT,
     ) -> DeferredService:
-        """Offer a service to whose calls the program responds later, from any thread.
+        """Offer a service; the program responds to its calls later, from any thread.
 
         `take(call)` is called on the event loop for each `DeferredCall`, and must return at once.
         The program ends each call with `call.reply(response)` or `call.fail(error)`, at any time
@@ -422,10 +422,10 @@ class Node:
     ) -> None:
         """Publish an event for each step of each call of a service of this node.
 
-        The topic is `SERVICE/_service_event`; `taskrpc service echo` shows it. With `metadata` an
-        event says that a request arrived or its response was sent, when, and who called; with
-        `contents` it also has the messages; `off` ends it. If the node has accounts, subscribers
-        need the role operate. Services without introspection have no extra cost.
+        The topic is `SERVICE/_service_event`; `taskrpc service echo` shows it. With `metadata`, an
+        event has the step (request received or response sent), the time and the caller. With
+        `contents`, it also has the messages. `off` stops the events. If the node has accounts,
+        subscribers need the role operate. Services without introspection have no extra cost.
 
         Raises CannotListen.
         """
@@ -478,9 +478,9 @@ class Node:
         service.finished.add_done_callback(lambda _: self._services.pop(service, None))
 
     def _name_in_lab(self, name: str) -> str:
-        """Return the second meaning of a relative name in a lab, "" for none: a name in the root.
+        """Return where a lab may offer a relative name: in the root namespace; "" outside a lab.
 
-        The lab's own services and topics are in the root namespace; programs that were not written
+        The lab's own services and topics are in the root namespace. Programs that were not written
         for a lab use relative names for them.
         """
         if not self._is_in_lab or name.startswith(("/", "~")):
@@ -515,7 +515,7 @@ class Node:
         if client in self._clients:
             del self._clients[client]
             name = client.service_name
-            if client.retries:  # not for every client: a program may call thousands of services
+            if client.retries:  # most have none, and a program may call thousands of services
                 self._retries[name] = self._retries.get(name, 0) + client.retries
 
     def _started(self) -> Transport:

@@ -36,17 +36,17 @@ log = logging.getLogger("taskrpc.server")
 RETRY_AFTER = 0.5
 """Seconds after which a client may repeat a request that was refused because memory is full."""
 _EXPIRE_EVERY = 60.0
-"""Seconds between two looks for leases that have ended."""
-_NEW = Verdict.NEW  # Python 3.11 needs as long for the look-up in the Enum as for the decision
+"""Seconds between two searches for leases that have ended."""
+_NEW = Verdict.NEW  # looking it up in the Enum takes as long as the decision, in Python 3.11
 
 
 class Deduplicator:
     """Stands between the transport and an exactly-once service.
 
     The ledger decides what a request is. An execution answers all callers that sent the request.
-    The store writes its effect and its completion in one transaction, before any caller is
-    answered. A lost connection does not end an execution, because the caller will reconnect: only a
-    cancel or a deadline does, and only before the transaction begins.
+    The store writes its effect and its completion in one transaction, before any caller gets a
+    response. A lost connection does not end an execution, because the caller will reconnect. A
+    cancel or a deadline ends it, but only before the transaction begins.
 
     Args:
         store: keeps completions and effects.
@@ -62,8 +62,7 @@ class Deduplicator:
     ) -> None:
         self.codec = codec
         self.storing: dict[IncomingCall, Callable[[], object]] = {}
-        """Executions whose transaction has begun and not ended, each with a function that is called
-        at its end."""
+        """Executions whose transaction runs; each value is called when the transaction ends."""
         self._store = store
         self._serve = serve
         self._new = 0
@@ -76,7 +75,7 @@ class Deduplicator:
         self._state.open(store)
 
     def store_id(self) -> asyncio.Future[bytes]:
-        """Return a future of the store's id; a store that could not be read is read again."""
+        """Return a future of the store's id; reads the store again if this has failed before."""
         return self._state.store_id(self._store)
 
     def status(self) -> DeduplicationStatus:
@@ -91,7 +90,7 @@ class Deduplicator:
         )
 
     def close(self) -> None:
-        """Stop using the store; no call arrives any more."""
+        """Stop using the store; `arrived` must not be called afterwards."""
         self._starter.close()
         self._state.deduplicators -= 1
         if not self._state.deduplicators:  # another event loop may use the store next
@@ -181,7 +180,7 @@ class Deduplicator:
             self.arrived(call)
 
     def refused(self, execution: Execution) -> None:
-        """Answer: the handler refused, and a repetition of the request runs again."""
+        """Answer with the handler's refusal; a repetition of the request runs again."""
         self._state.end_without_trace(execution)
         execution.answer()
 
@@ -216,7 +215,7 @@ class Deduplicator:
             log.error("%s cannot store what it did: %s", execution.service, error, extra=fields)
             self.undone(execution, HandlerFailed(Code.UNAVAILABLE, text_for_callers(error)))
             return
-        if not isinstance(error, OutcomeUnknown):  # an unexpected error may mean anything
+        if not isinstance(error, OutcomeUnknown):  # the effect may or may not be stored
             log.error("the store of %s failed:", execution.service, exc_info=error, extra=fields)
             error = OutcomeUnknown(f"the store of {execution.service} failed")
         self.unknown(execution, error)

@@ -47,7 +47,7 @@ class TaskSettings(msgspec.Struct, frozen=True, kw_only=True):
     queue_limit: int = 10_000
     """How many tasks may wait."""
     share: int | None = None
-    """How many of them one account may have from one machine; None: all of them."""
+    """How many waiting tasks one account may have from one machine; None for no limit."""
     settle: float = 0.1
     """Real seconds that an idle robot waits for more tasks before it takes the first one."""
     keep_ended: int = 1000
@@ -71,8 +71,9 @@ class TaskManager:
         self._settings = settings = settings or TaskSettings()
         self._robot_guard = RobotGuard(robot)
         self.is_closed = False
-        """Whether `close` has been called; no other method may be called then."""
-        # Milliseconds since 1970, so that every server begins above the revisions of earlier ones.
+        """Whether `close` has been called; afterwards, no other method may be called."""
+        # A server's first revision must be above all revisions of earlier servers. So it is the
+        # time in milliseconds since 1970.
         self.change_feed = ChangeFeed(max(1, int(settings.wall_clock() * 1000)))
         """Announces every change to watchers."""
         self.repository = TaskRepository(store, self.change_feed, keep_ended=settings.keep_ended)
@@ -201,7 +202,7 @@ class TaskManager:
     ) -> TaskResponse:
         """Queue a task, or refuse it with the reason.
 
-        `account` is the caller's account if the server has accounts; `client` is the same then. A
+        `account` is the caller's account if the server has accounts; then `client` is the same. A
         whole class may use one account, so each `machine` has a share of its own.
         `completing` makes the request's completion from the response; the completion is stored
         together with the task. A refusal is not stored.
@@ -272,7 +273,7 @@ class TaskManager:
     async def cancel(self, task_id: int, *, client: str = "") -> TaskResponse:
         """Cancel a queued or running task."""
         reason = by_client("cancelled", client)
-        # Halt the robot without waiting for the disk.
+        # `_is_queued` may wait for the disk; a running task must halt at once.
         if not self._running(task_id) and await self._is_queued(task_id):
             return await self._cancel_queued(task_id, reason)
         if execution := self._running(task_id):
@@ -321,9 +322,9 @@ class TaskManager:
         return self._done(f"Task {task_id} has priority {priority}", moved)
 
     async def requeue(self, task_id: int, *, resume: bool = False) -> TaskResponse:
-        """Queue an interrupted, failed or cancelled task again, behind its equals.
+        """Queue an interrupted, failed or cancelled task again, as the last of its priority.
 
-        With `resume` an interrupted task gets its old place, before its later equals.
+        With `resume`, an interrupted task gets back its old place among tasks of its priority.
         """
         is_queued = await self._is_queued(task_id)
         task = self.repository.find(task_id)
@@ -447,10 +448,10 @@ class TaskManager:
         return self._done(f"Task {task_id} was cancelled", task)
 
     async def _is_queued(self, task_id: int) -> bool:
-        """Return whether a task is queued, once no change of it is being stored.
+        """Wait until all changes of a task are stored; return whether it is queued.
 
         If two changes of a task were being stored, the store could refuse both. The undo of the
-        second would then restore a state that the first has never stored.
+        second change would then restore the state after the first, which was never stored.
         """
         await self.repository.stored(task_id)
         return task_id in self.queue

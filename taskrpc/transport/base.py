@@ -214,11 +214,11 @@ class Channel(Protocol):
         Raises InvalidRequest for a request that cannot be sent; its sequence number is settled.
         """
 
-    def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> Future[None]:
-        """Send the request to all other servers of the name too, as ROS 2 does.
+    def send_to_others(self, request: Any, on_response: Callable[[Any], object]) -> Future[None]:
+        """Send the request to all other servers of the service, as ROS 2 does; from any thread.
 
-        `answered(response)` is called with each of their responses, on the loop's thread. The
-        returned future is done once the request was sent to all of them.
+        The event loop calls `on_response(response)` with each of their responses. The returned
+        future is done when the request was sent to all of them.
         """
 
     def send_in_thread(self, request: Any, deadline: float | None) -> WaitingThread | None:

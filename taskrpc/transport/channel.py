@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc.errors import (
@@ -34,11 +34,12 @@ if TYPE_CHECKING:
 log = logging.getLogger("taskrpc.client")
 
 RESOLVE_TIMEOUT = 3.0
+"""Seconds."""
 _EXACTLY_ONCE, _TRACED = int(Flag.EXACTLY_ONCE), int(Flag.TRACED)
 
 
 class ChannelContext(Protocol):
-    """What the channels of one endpoint share."""
+    """The objects that all channels of one endpoint share."""
 
     loop: asyncio.AbstractEventLoop
     network: Network
@@ -51,7 +52,7 @@ class ChannelContext(Protocol):
 
 
 class RemoteChannel:
-    """The `Channel` of an endpoint."""
+    """A `Channel` that calls its service through a connection."""
 
     def __init__(
         self,
@@ -71,7 +72,7 @@ class RemoteChannel:
         self._named = named
         self._names = (named.name, otherwise) if otherwise else (named.name,)
         self._shown = " or ".join(self._names)
-        """The names, for errors."""
+        """The names as errors show them."""
         self._reached = named.name
         """The name that the present server offers."""
         self._encode = codec_of(srv_type.Request).encode
@@ -84,16 +85,16 @@ class RemoteChannel:
         self._connecting: asyncio.Task[None] | None = None
         self._moves: set[asyncio.Task[None]] = set()
         """Tasks that send refused calls to another server."""
-        self._line: dict[Unsent, None] = {}
+        self._waiting: dict[Unsent, None] = {}
         """Calls that wait for the connection, in the order in which they were made."""
         self._mark = endpoint.availability.mark()
         self._has_addresses = False
-        """Whether the last search found a server, reached or not."""
+        """Whether the last search found the address of a possible server."""
         self._closed = False
-        self._said = ""
+        self._last_refusal = ""
         """The last error that was passed to `on_refusal`."""
         self.on_refusal: Callable[[TaskRpcError], object] = self._warn
-        """Called once for each error that keeps the client from an existing service."""
+        """Called when a server refuses the client; not again while the error stays the same."""
 
     @property
     def ready(self) -> bool:
@@ -161,7 +162,7 @@ class RemoteChannel:
         return call
 
     def send_in_thread(self, request: Any, deadline: float | None) -> Waiter | None:
-        """Send a request from another thread than the loop's; None where only the loop can."""
+        """Send a request from another thread; None if only the event loop can send it."""
         waiter = Waiter()
         return waiter if self._begin_in_thread(waiter, request, deadline) else None
 
@@ -175,7 +176,8 @@ class RemoteChannel:
     def _begin_in_thread(
         self, waiter: Waiter | CallbackWaiter, request: Any, deadline: float | None
     ) -> bool:
-        # The event loop may reach another server meanwhile: its method ids mean other services.
+        # The event loop may connect to another server at the same time; there, the same method id
+        # means another service. So read the connection before and after the method.
         connection, method = self._connection, self._method
         if not isinstance(connection, ThreadedConnection) or connection.epoch != self._epoch:
             return False
@@ -206,12 +208,12 @@ class RemoteChannel:
                 connecting.result()
 
     def begin_when_connected(self, call: Unsent) -> None:
-        """Have a call begun, in the order of lining up, at the moment in which it is connected."""
-        self._line[call] = None
+        """Begin the call as soon as the channel is connected, after the calls that wait already."""
+        self._waiting[call] = None
 
     def forget_waiting(self, call: Unsent) -> None:
-        """Do not begin the call, if it is still in the line."""
-        self._line.pop(call, None)
+        """Do not begin the call if it still waits for the connection."""
+        self._waiting.pop(call, None)
 
     async def wait(self, deadline: float | None) -> bool:
         """Wait until the channel is connected; False at the deadline, or once it is closed."""
@@ -223,13 +225,13 @@ class RemoteChannel:
             except ServiceUnavailable as error:
                 log.debug("%s", error, extra={"service": self._named.name})
             except TaskRpcError as error:
-                if self._said != str(error) and not self._closed:
-                    self._said = str(error)
+                if self._last_refusal != str(error) and not self._closed:
+                    self._last_refusal = str(error)
                     self.on_refusal(error)
             left = None if deadline is None else deadline - self._endpoint.loop.time()
             if left is not None and left <= 0:
                 return False
-            failures = await self._something_new(failures, left)
+            failures = await self._wait_for_change(failures, left)
         return False
 
     def close(self) -> None:
@@ -252,9 +254,9 @@ class RemoteChannel:
         locate = self._endpoint.network.locate
         return [(name, each) for name in self._names for each in locate(name)]
 
-    async def _something_new(self, failures: int, left: float | None) -> int:
+    async def _wait_for_change(self, failures: int, left: float | None) -> int:
         """Wait until another attempt may succeed; returns the number of failures in a row."""
-        # A known server that was not reached notifies nobody: it is tried at growing intervals.
+        # A server with a known address gives no notice when it starts: retry at growing intervals.
         import random  # only needed while a client waits
 
         delay = reconnect_delay(failures, random.random()) if self._has_addresses else None
@@ -282,11 +284,11 @@ class RemoteChannel:
     async def _reach(self, name: str, address: Address) -> None:
         endpoint = self._endpoint
         connection = await endpoint.dialler.connection(address, None)
-        # Read before asking: a change while the answer is on its way may make the answer stale.
+        # Read the epoch first: if it changes before the response arrives, the method id is invalid.
         epoch = connection.epoch
-        question = Resolve(name, self._named.type_hash, self._named.node)
-        asked = connection.resolve(question, endpoint.loop.time() + RESOLVE_TIMEOUT)
-        resolved = await asked.future
+        request = Resolve(name, self._named.type_hash, self._named.node)
+        resolving = connection.resolve(request, endpoint.loop.time() + RESOLVE_TIMEOUT)
+        resolved = await resolving.future
         self._connection = None  # other threads must not see the new method with the old connection
         self._method, self._epoch, self._reached = resolved.method, epoch, name
         known = resolved.mode in tuple(Mode)
@@ -295,16 +297,16 @@ class RemoteChannel:
         self._counter = None
         self._connection = connection
         if self.ready:
-            line, self._line = self._line, {}
-            for call in line:
+            waiting, self._waiting = self._waiting, {}
+            for call in waiting:
                 call.begin()
 
-    def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> Future[None]:
-        """Send the request to all other servers of the name too; from any thread."""
-        sending = self._send_to_others(self._encode(request), answered)
+    def send_to_others(self, request: Any, on_response: Callable[[Any], object]) -> Future[None]:
+        """Send the request to all other servers of the service; see `Channel`."""
+        sending = self._send_to_others(self._encode(request), on_response)
         return asyncio.run_coroutine_threadsafe(sending, self._endpoint.loop)
 
-    async def _send_to_others(self, body: bytes, answered: Callable[[Any], object]) -> None:
+    async def _send_to_others(self, body: bytes, on_response: Callable[[Any], object]) -> None:
         loop = self._endpoint.loop
         if not self.ready:
             with contextlib.suppress(TaskRpcError):
@@ -315,20 +317,17 @@ class RemoteChannel:
                 connection = await self._endpoint.dialler.connection(address, None)
                 if connection is self._connection:
                     continue
-                question = Resolve(name, self._named.type_hash, self._named.node)
-                asked = connection.resolve(question, loop.time() + RESOLVE_TIMEOUT)
-                method = (await asked.future).method
+                request = Resolve(name, self._named.type_hash, self._named.node)
+                resolving = connection.resolve(request, loop.time() + RESOLVE_TIMEOUT)
+                method = (await resolving.future).method
                 future: asyncio.Future[Any] = loop.create_future()
                 call = OpenCall(future, connection, self._decode, None, method, body)
                 connection.begin(call)
-                future.add_done_callback(lambda done: done.exception() or answered(done.result()))
+                future.add_done_callback(lambda it: it.exception() or on_response(it.result()))
 
     def _move(self, call: OpenCall) -> None:
         """Send a refused call to another server of the service."""
-        self._go(self._moved(call))
-
-    def _go(self, coroutine: Coroutine[Any, Any, None]) -> None:
-        task = self._endpoint.loop.create_task(coroutine)
+        task = self._endpoint.loop.create_task(self._moved(call))
         self._moves.add(task)  # the event loop keeps only weak references to tasks
         task.add_done_callback(self._moves.discard)
 

@@ -30,7 +30,7 @@ def asks_again_and_again(patch):
         await asyncio.sleep(0.5)
         return 0
 
-    patch(channel.RemoteChannel, "_something_new", impatient)
+    patch(channel.RemoteChannel, "_wait_for_change", impatient)
 
 
 def waits_for_what_nobody_offers(patch):

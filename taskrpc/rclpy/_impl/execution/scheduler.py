@@ -1,7 +1,7 @@
-"""The scheduler of an executor: rounds of everything that is ready, tasks and entities in turn.
+"""The scheduler of an executor: collects everything that is ready in rounds.
 
-The scheduler collects a round as a whole and runs it piece by piece, so that a busy timer or
-subscription cannot starve a service.
+Rounds of tasks and rounds of entities alternate. Each ready entity runs at most once in a round, so
+a busy timer or subscription cannot starve a service.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Timeout: TypeAlias = float | TimeoutObject | None
 """Seconds; None and negative values mean no timeout."""
 
 Work: TypeAlias = tuple[Task[Any] | None, Entity | None, Any]
-"""One piece of work: a task, or else an entity with an item; and the node of either."""
+"""One piece of work: a task, with its entity if it has one, or only an entity; and the node."""
 
 Layout: TypeAlias = list[tuple[Entity, Any]]
 """Entities, each with its node, in the order in which the scheduler queries them."""
@@ -59,7 +59,7 @@ class Scheduler:
     """The order of tasks that are ready at the same time: ROS 2 Jazzy runs the youngest first."""
 
     _respects_groups: ClassVar[bool] = True
-    """Whether callback groups decide what may run; else a callback that awaits delays no other."""
+    """Whether callback groups limit what may run; else, no callback waits for one that awaits."""
 
     def __init__(self, *, context: Context | None = None) -> None:
         self._context = get_default_context() if context is None else context
@@ -84,7 +84,7 @@ class Scheduler:
         self._parked: deque[Task[Any]] = deque()
         """Tasks of nodes that were not among the nodes of the last `wait_for_ready_callbacks`."""
         self._task_count = 0
-        """How many tasks were created; numbers the tasks."""
+        """How many tasks were created; the count is the number of the newest task."""
         self._is_shutdown = False
         self._context.add_sleep(self._sleep)
 
@@ -101,8 +101,9 @@ class Scheduler:
         nodes: Sequence[NodeInterface] | None = None,
         condition: Callable[[], bool] = never,
     ) -> Work | None:
-        """The next work; None after the timeout, the condition or the shutdown of the executor.
+        """Wait for the next work and return it.
 
+        Returns None after the timeout, when the condition is true or the executor is shut down.
         Raises ExternalShutdownException when the context is shut down.
         """
         if isinstance(timeout, TimeoutObject):
@@ -132,7 +133,7 @@ class Scheduler:
         return None
 
     def _take_from_round(self, nodes: Sequence[NodeInterface] | None) -> Work | None:
-        """The next work of this round that may still run; skips removed nodes and entities."""
+        """Take the next work of this round that may still run; skips removed nodes and entities."""
         usable = self._nodes if nodes is None else nodes
         while self._round:
             try:
@@ -231,7 +232,7 @@ class Scheduler:
         self._sleep.end()
 
     def notify(self) -> None:
-        """Wake the spinning threads: an item arrived; from any thread and from signal handlers."""
+        """Wake the spinning threads for an item; any thread or signal handler may call this."""
         self._sleep.end()
 
 
