@@ -38,13 +38,13 @@ def test_a_hash_is_the_official_one(name, tmp_path, monkeypatch):
     assert hash_of(search.load(name), search.load) == KNOWN[name]
 
 
-def nobody(name):
+def unknown(name):
     raise AssertionError(f"{name} was asked for")
 
 
 def described(text):
     message = parse_msg(text, "my_msgs", "Any")
-    return type_description(message, nobody)["type_description"]["fields"]
+    return type_description(message, unknown)["type_description"]["fields"]
 
 
 def test_an_empty_message_has_one_hidden_member():
@@ -71,4 +71,4 @@ def test_a_type_is_described_by_number_capacity_and_length(kind, expected):
 def test_comments_defaults_and_constants_do_not_change_a_hash():
     plain = parse_msg("int32 a", "my_msgs", "Any")
     rich = parse_msg("# Much to say.\nint32 a 5 # [m]\nint32 A=1", "my_msgs", "Any")
-    assert hash_of(plain, nobody) == hash_of(rich, nobody)
+    assert hash_of(plain, unknown) == hash_of(rich, unknown)

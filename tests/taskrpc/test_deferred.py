@@ -1,4 +1,4 @@
-"""Calls of a deferred service are answered by whoever takes them, in any order, from any thread."""
+"""The program responds to calls of a deferred service later, in any order, from any thread."""
 
 import asyncio
 

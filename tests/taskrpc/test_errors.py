@@ -82,7 +82,7 @@ def test_examples_include_every_class():
 @pytest.mark.parametrize("error", EXAMPLES, ids=repr)
 def test_a_copy_has_everything(error, duplicate):
     error.add_note("seen by the test")
-    error.not_executed = error.not_executed  # as if whoever raised it knew better
+    error.not_executed = error.not_executed  # as if the code that raised the error had set it
     again = pickle.loads(pickle.dumps(error)) if duplicate == "pickle" else duplicate(error)
     assert type(again) is type(error)
     assert str(again) == str(error)

@@ -1,4 +1,4 @@
-"""A service that was told to tells of each of its calls, as ROS 2's service introspection does."""
+"""Introspection events of services, as in ROS 2."""
 
 import asyncio
 import time

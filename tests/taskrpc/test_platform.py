@@ -80,7 +80,7 @@ def test_folder_of_another_user_or_a_file_is_refused(tmp_path):
 def test_private_file_is_private_from_its_first_byte_also_in_place_of_another(tmp_path):
     path = tmp_path / "secret"
     waiting = tmp_path / f"secret.{os.getpid()}.new"
-    waiting.write_text("somebody else's")
+    waiting.write_text("another program's")
     waiting.chmod(0o666)
     others = os.open(waiting, os.O_RDONLY)
     modes = []
@@ -99,7 +99,7 @@ def test_private_file_is_private_from_its_first_byte_also_in_place_of_another(tm
         os.umask(before)
     assert modes == [0o600]
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
-    assert os.read(others, 100) == b"somebody else's"
+    assert os.read(others, 100) == b"another program's"
     os.close(others)
 
 
@@ -190,9 +190,9 @@ def test_a_process_can_be_asked_to_end():
     with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]) as sleeping:
         platform.end_process(sleeping.pid)
         assert sleeping.wait(60) != 0
-    nobody = sleeping.pid if os.name == "posix" else 0x7FFF_FFFC
+    ended_pid = sleeping.pid if os.name == "posix" else 0x7FFF_FFFC
     with pytest.raises(ProcessLookupError):
-        platform.end_process(nobody)
+        platform.end_process(ended_pid)
 
 
 def test_output_takes_any_character(capfd):

@@ -264,7 +264,7 @@ def test_files_that_are_generated_one_by_one_stay_together(run, tmp_path):
         assert run("generate", source, "-o", out, "--check") == (0, "", "")
     second.unlink()
     assert run("generate", first, "-o", out) == (0, "", "")
-    assert (out / "my_msgs" / "srv" / "_bring.py").is_file(), "nobody has asked for its end"
+    assert (out / "my_msgs" / "srv" / "_bring.py").is_file(), "no command has removed it"
 
 
 @pytest.fixture

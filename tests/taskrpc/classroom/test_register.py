@@ -90,7 +90,7 @@ def test_edits_of_the_file_by_the_lecturer_are_kept(register):
     assert (ada.role, bob.role) == (Role.OPERATE, Role.SUBMIT)
     register.revoke("ada")
     (ada,) = register.add(["ada"], 1e12)
-    assert ada.role is Role.SUBMIT, "who was shut out comes back as anybody"
+    assert ada.role is Role.SUBMIT, "a revoked student who returns has the usual role"
 
 
 @pytest.mark.parametrize(

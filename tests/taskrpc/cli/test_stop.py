@@ -100,7 +100,7 @@ taskrpc.run(main())
 """
 
 
-@pytest.mark.skipif(os.name != "posix", reason="on Windows nobody is asked to end")
+@pytest.mark.skipif(os.name != "posix", reason="Windows cannot ask a process to end")
 def test_draining_program_and_hanging_program_are_distinguished(tmp_path, run, monkeypatch):
     monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 1.0)
     (tmp_path / "slow.py").write_text(SLOW, encoding="utf-8")

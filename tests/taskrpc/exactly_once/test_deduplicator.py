@@ -70,8 +70,8 @@ def sending(client, *, counts=True):
 class Store:
     """A store whose every step waits until `do` lets it happen; `effects` is what it has applied.
 
-    `fails` has the effects whose first change fails, so that nobody knows whether it was done, and
-    whether it was.
+    `fails` has the effects whose first change fails with an unknown outcome, and whether the store
+    has applied them.
     """
 
     def __init__(self, **fails):
@@ -178,7 +178,7 @@ async def test_request_missing_in_an_older_reading_never_runs_again(pause, y_is_
         again = await perform(scene, order, pause)
         again += await perform(scene, ("send y", "send x"), 20)
         assert sorted(scene.store.effects) == ["x", "y"], order
-        # The repeated one may have attached to the run of which nobody knew.
+        # The repeated call may have attached to the execution whose outcome was unknown.
         assert [call.ends for call in again[1:]] == [[ord("y")], [ord("x")]], order
         assert len(again[0].ends) == 1, order
         await scene.close()

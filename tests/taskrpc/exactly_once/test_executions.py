@@ -310,7 +310,7 @@ async def test_run_that_ends_while_the_store_is_read_again_is_remembered(dedupli
     await asyncio.sleep(0.01)  # the store is being read, and does not show the first request
     Served.add(served.executions[0])
     repeated = served.send(1)
-    assert repeated.ends == [], "nobody knows yet"
+    assert repeated.ends == [], "the outcome is still unknown"
     store.opened.set()
     await asyncio.sleep(0.01)
     assert repeated.ends == [(2, True)]

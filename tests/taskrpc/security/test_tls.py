@@ -35,7 +35,7 @@ def certificates(authority, tmp_path):
 
 
 def elsewhere(tls, token=TOKEN, **options):
-    """A node that finds nobody in the registry, like one on another machine."""
+    """A node that finds no server in the registry, like a node on another machine."""
     return taskrpc.Node("elsewhere", tls=tls, token=token, **options)
 
 

@@ -277,7 +277,7 @@ async def test_file_that_another_process_uses_is_claimed_once_it_is_free(pages):
     began = asyncio.get_running_loop().time()
     await writer.claim(told.append)
     assert asyncio.get_running_loop().time() - began == pytest.approx(0.1)
-    assert [each.fact for each in told] == ["in use"], "it is told once"
+    assert [each.fact for each in told] == ["in use"], "it is reported once"
     await writer.change("a")
     await writer.close()
     assert pages.written == [["a"], "closed"]

@@ -129,7 +129,7 @@ class FullStore(MemoryStore):
         if self.is_full:
             raise StoreError("the disk is full")
         if self.is_lost:
-            raise OutcomeUnknown("nobody knows what the disk has done")
+            raise OutcomeUnknown("the effect on the disk is unknown")
         await super().apply(saved, forgotten, completion, clients)
 
     async def remember_pause(self, paused):

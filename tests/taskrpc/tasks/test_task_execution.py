@@ -66,7 +66,10 @@ async def test_a_task_is_cancelled_while_its_start_is_being_stored(scene):
         (ZeroDivisionError("division by zero"), "ZeroDivisionError: division by zero"),
         (RuntimeError("line one\nline two"), "RuntimeError: line one line two"),
         (KeyError(), "KeyError: no reason given"),
-        (RobotStopped("somebody pressed the red button"), "somebody pressed the red button"),
+        (
+            RobotStopped("the operator pressed the red button"),
+            "the operator pressed the red button",
+        ),
     ],
 )
 async def test_failing_robot_fails_one_task_and_the_worker_continues(scene, failure, message):
@@ -96,7 +99,7 @@ async def test_a_robot_that_answers_nonsense_cannot_break_the_queue(scene):
     await asyncio.sleep(1)
     answer = await scene.manager.pause()
     assert answer.message == "The queue is paused, but the robot failed: OSError: no battery"
-    assert scene.state(1) is TaskState.RUNNING, "it goes on, and nobody claims otherwise"
+    assert scene.state(1) is TaskState.RUNNING, "the task continues"
     del scene.robot.remaining, scene.robot.pose, scene.robot.pause
     await scene.manager.resume()
     await scene.until(2, TaskState.SUCCEEDED)

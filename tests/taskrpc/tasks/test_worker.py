@@ -176,7 +176,7 @@ async def test_an_unknown_outcome_starts_nothing_and_pauses_the_queue(scene, cap
     scene.manager._worker._resumed.set()
     await asyncio.sleep(10)
     assert scene.robot.log == []
-    assert "the queue is paused: nobody knows" in caplog.text
+    assert "the queue is paused: the effect on the disk is unknown" in caplog.text
     assert scene.state(1) is TaskState.QUEUED
 
 

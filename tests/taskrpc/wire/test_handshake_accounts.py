@@ -129,8 +129,8 @@ def test_peer_credentials_replace_a_token(credentials, accounts, expected):
 )
 def test_a_certificate_of_no_account_is_refused_where_there_are_accounts(name, why):
     assert why_not(shaken(b"", KNOWING, PeerCredentials(name), trusted=OWNER)[1])[1] == why
-    nobody = replace(KNOWING, accounts=Accounts())
-    assert why_not(shaken(b"", nobody, PeerCredentials(name), trusted=OWNER)[1])[1].startswith(
+    no_accounts = replace(KNOWING, accounts=Accounts())
+    assert why_not(shaken(b"", no_accounts, PeerCredentials(name), trusted=OWNER)[1])[1].startswith(
         "by its"
     )
 

@@ -19,7 +19,7 @@ def test_wrong_estimate_is_reported_as_wrong():
 
 def test_estimate_with_late_timers_is_not_reported_as_right():
     rows = check_estimates([ended(1, promised=10.0, actual=10.2), ended(2)], speed=2)
-    assert are_right(rows), "nobody planned wrongly"
+    assert are_right(rows), "the plan was right"
     text = "\n".join(summary(rows))
     assert "Task 1 is off most, by +1.96 %: this computer is busy" in text
     assert "were right" not in text

@@ -1,4 +1,4 @@
-"""Whoever asks for a service that no server offers is told what is there, and why theirs is not."""
+"""Errors about a missing service list the available ones, and say why it is missing."""
 
 from __future__ import annotations
 

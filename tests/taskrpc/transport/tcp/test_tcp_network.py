@@ -82,7 +82,7 @@ def test_a_domain_is_read(monkeypatch, text, number):
 
 
 async def test_peers_of_this_user_need_no_token(monkeypatch):
-    async with offering(token="known to nobody") as server:
+    async with offering(token="an unknown token") as server:
         async with taskrpc.Node("client", peers=[server.address]) as node:
             assert (await node.create_client(Add, "add").call(ask(1))).sum == 1
         port = host_and_port(server)[1]
