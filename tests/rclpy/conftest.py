@@ -47,7 +47,7 @@ def world():
 
 
 class Pair:
-    """A node with parameters, another that asks, and who spins both."""
+    """A node with parameters, a client of these, and an executor that spins both nodes."""
 
     def __init__(self, context):
         self.target = Node("target", namespace="/ns", context=context)
@@ -72,7 +72,7 @@ class Pair:
             if done():
                 return
             self.executor.spin_once(timeout_sec=0.05)
-        raise AssertionError("nothing came")
+        raise AssertionError("it did not happen")
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""A node as executors see one: lists of entities, without any network."""
+"""A clock and a node for tests of executors, without any network."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from taskrpc.rclpy.waitable import Waitable
 
 
 class FakeClock:
-    """A clock that stands still until it is told to go on."""
+    """A clock that stands still until `go_on` moves it."""
 
     clock_type = ClockType.STEADY_TIME
 

@@ -1,4 +1,4 @@
-"""Nodes that live on the network, for tests of what executors find at them."""
+"""Nodes on the network, and an executor that spins them."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class World:
         return node
 
     def answer(self, future):
-        """Spin until the future is done; its result."""
+        """Spin until the future is done; returns its result."""
         self.executor.spin_until_future_complete(future, PATIENCE)
         assert future.done()
         return future.result()
@@ -57,12 +57,12 @@ def living(*line):
 
 
 def service_of(node, name):
-    """A node's service by its absolute name."""
+    """Return a node's service by its absolute name."""
     return next(service for service in node.services if service.service_name == name)
 
 
 def until(happened):
-    """Wait for what other threads do."""
+    """Wait until other threads have made the condition true."""
     end = time.monotonic() + PATIENCE
     while not happened():
         assert time.monotonic() < end, "it did not happen"

@@ -25,6 +25,6 @@ def test_a_program_with_actions_is_warned_once_and_runs_until_it_uses_one(capsys
     server.destroy()
 
 
-def test_modules_of_actions_have_the_names_that_programs_import_from_them():
+def test_action_modules_have_the_names_that_programs_import():
     status = srvgen.load("action_msgs/msg/GoalStatus")
     assert action.client.GoalStatus is action.server.GoalStatus is status

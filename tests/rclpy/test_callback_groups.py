@@ -1,4 +1,4 @@
-"""Callback groups decide which callbacks may run at once."""
+"""Callback groups decide which callbacks may run at the same time."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from taskrpc.rclpy.callback_groups import (
 )
 
 
-def test_a_reentrant_group_lets_everything_run():
+def test_reentrant_group_allows_all_callbacks_at_the_same_time():
     group, one, two = ReentrantCallbackGroup(), Entity(), Entity()
     for entity in (one, two, one):
         assert group.can_execute(entity)
@@ -19,7 +19,7 @@ def test_a_reentrant_group_lets_everything_run():
     group.ending_execution(one)
 
 
-def test_an_exclusive_group_lets_one_run_until_it_has_ended():
+def test_exclusive_group_allows_one_callback_until_it_has_ended():
     group, one, two = MutuallyExclusiveCallbackGroup(), Entity(), Entity()
     assert group.can_execute(one)
     assert group.beginning_execution(one)
@@ -31,7 +31,7 @@ def test_an_exclusive_group_lets_one_run_until_it_has_ended():
     assert group.beginning_execution(two)
 
 
-def test_a_group_knows_its_entities_and_does_not_keep_them():
+def test_group_knows_its_entities_and_does_not_keep_them_alive():
     group, one = ReentrantCallbackGroup(), Entity()
     group.add_entity(one)
     assert group.has_entity(one)

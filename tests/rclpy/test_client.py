@@ -1,4 +1,4 @@
-"""Clients call, wait and give up as in rclpy, and say what real ROS keeps to itself."""
+"""Clients call, wait and cancel as in rclpy, and also report errors that ROS does not report."""
 
 import contextlib
 import gc
@@ -38,12 +38,12 @@ def test_a_response_arrives_while_a_thread_spins(world, client):
     assert world.answer(future).sum == 3
 
 
-def test_many_calls_are_answered_each_by_its_own_answer(world, client):
+def test_each_of_many_calls_gets_its_own_response(world, client):
     futures = [client.call_async(Request(a=number, b=1)) for number in range(64)]
     assert [world.answer(future).sum for future in futures] == list(range(1, 65))
 
 
-def test_calls_leave_nothing_to_the_garbage_collector(world, client):
+def test_calls_leave_no_reference_cycles(world, client):
     world.answer(client.call_async(Request()))
     gc.collect()
     gc.disable()
@@ -81,7 +81,7 @@ def test_a_request_of_another_type_is_refused(client):
             client.call(request)
 
 
-def test_a_value_that_does_not_fit_is_refused_and_leaves_nothing_behind(client):
+def test_invalid_value_is_refused_and_leaves_no_pending_request(client):
     with pytest.raises(InvalidRequest, match="a: expected int64"):
         client.call_async(Request(a="x"))
     with pytest.raises(KeyError):
@@ -104,7 +104,7 @@ def test_a_removed_request_stays_as_it_is(world, client):
     assert not future.cancelled()
 
 
-def test_a_cancelled_request_is_not_answered(world, client):
+def test_cancelled_request_gets_no_response(world, client):
     future = client.call_async(Request(a=1, b=2))
     future.cancel()
     assert world.answer(client.call_async(Request(a=1, b=1))).sum == 2
@@ -132,7 +132,7 @@ def test_the_caller_learns_that_the_server_has_ended(world):
     server.create_service(AddTwoInts, "add", add)
     client = world.node("caller").create_client(AddTwoInts, "add")
     assert client.wait_for_service(PATIENCE)
-    world.executor.remove_node(server)  # so that nobody answers
+    world.executor.remove_node(server)  # so that no response is sent
     future = client.call_async(Request())
     service = service_of(server, "/add")
     world.spin_until(service.has_work)
@@ -168,7 +168,7 @@ rclpy.spin(node)
 
 @contextlib.contextmanager
 def server_elsewhere():
-    """A server in a process of its own, which is killed at the end."""
+    """A server in another process, which is killed at the end."""
     command = [sys.executable, "-c", SERVER]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout.readline() == "ready\n"
@@ -194,14 +194,14 @@ def test_a_client_survives_its_killed_server_and_calls_the_next_one(world):
         assert world.answer(waiting).sum == 4
 
 
-def test_a_destroyed_client_calls_no_more(world, client):
+def test_destroyed_client_refuses_calls(world, client):
     assert client.parent_node.destroy_client(client)
     with pytest.raises(InvalidHandle, match="cannot use Destroyable"):
         client.call_async(Request())
     assert not client.parent_node.destroy_client(client)
 
 
-def test_with_destroys_a_client_at_its_end(world):
+def test_end_of_a_with_block_destroys_the_client(world):
     node = world.node()
     with node.create_client(AddTwoInts, "add") as client:
         assert client in node.clients
@@ -216,7 +216,7 @@ def test_done_callbacks_run_on_the_spinning_thread(world, client):
     assert threads == [threading.current_thread()]
 
 
-def test_bad_service_names_are_refused_with_ross_words(world):
+def test_bad_service_names_are_refused_with_the_messages_of_ros(world):
     with pytest.raises(InvalidServiceNameException, match="must not contain characters"):
         world.node().create_client(AddTwoInts, "get/parameters?")
     with pytest.raises(ValueError, match="unknown substitution"):

@@ -1,4 +1,4 @@
-"""Clocks: what they show, how they jump, and sleeping by them."""
+"""Clocks: their time, their jumps, and `sleep_until`."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from taskrpc.rclpy.time import Time
 FORWARD, BACK = Duration(seconds=1), Duration(seconds=-1)
 
 
-def test_a_clock_is_of_a_kind():
+def test_clock_has_a_type():
     assert Clock().clock_type is ClockType.SYSTEM_TIME
     assert repr(Clock(clock_type=ClockType.STEADY_TIME)) == "Clock(clock_type=STEADY_TIME)"
     assert isinstance(Clock(clock_type=ClockType.ROS_TIME), ROSClock)
@@ -64,7 +64,7 @@ def test_simulated_time_is_shown_while_it_is_active():
         (None, None, False, "must be enabled"),
     ],
 )
-def test_a_threshold_that_makes_no_sense_is_refused(forward, backward, change, message):
+def test_invalid_jump_threshold_is_refused(forward, backward, change, message):
     with pytest.raises(ValueError, match=message):
         JumpThreshold(min_forward=forward, min_backward=backward, on_clock_change=change)
 
@@ -139,7 +139,7 @@ def test_sleeping_ends_when_the_clock_shows_the_time(context, kind):
     assert clock.sleep_until(begin, context)
 
 
-def test_sleeping_needs_the_same_kind_of_clock_and_a_context_that_is_up(context):
+def test_sleeping_needs_a_time_of_the_same_clock_type_and_an_initialised_context(context):
     clock = Clock()
     with pytest.raises(ValueError, match="clock type does not match"):
         clock.sleep_until(Time(clock_type=ClockType.STEADY_TIME), context)
@@ -148,7 +148,7 @@ def test_sleeping_needs_the_same_kind_of_clock_and_a_context_that_is_up(context)
 
 
 def slept(clock, context, until, then):
-    """What sleep_until returned after something else happened."""
+    """Return the result of sleep_until, while `then` runs in this thread."""
     ends = []
     thread = threading.Thread(target=lambda: ends.append(clock.sleep_until(until, context)))
     thread.start()

@@ -24,14 +24,14 @@ def test_a_context_is_ok_from_init_to_shutdown():
     assert not context.handle.ok()
 
 
-def test_with_begins_and_ends_it():
+def test_with_block_initialises_and_shuts_down():
     with Context() as context:
         assert context.ok()
     assert not context.ok()
     context.try_shutdown()
 
 
-def test_it_begins_and_ends_once(context):
+def test_second_init_or_shutdown_is_refused(context):
     with pytest.raises(RuntimeError, match=r"Context.init\(\) must only be called once"):
         context.init([])
     context.shutdown()
@@ -74,7 +74,7 @@ def test_callbacks_run_at_the_shutdown_and_afterwards_at_once(context):
         context.on_shutdown("no function")
 
 
-def test_a_method_is_not_kept_for_the_shutdown(context):
+def test_shutdown_callback_does_not_keep_its_object_alive(context):
     seen = []
 
     class Listener:
@@ -102,7 +102,7 @@ def test_the_shutdown_destroys_the_nodes_that_are_tracked(context):
     assert (one.destroyed, two.destroyed) == (True, False)
 
 
-def test_after_a_signal_the_shutdown_is_silent_and_still_does_its_work(context):
+def test_shutdown_after_a_signal_runs_its_callbacks_once(context):
     seen = []
     context.on_shutdown(lambda: seen.append(1))
     executor = SingleThreadedExecutor(context=context)
@@ -116,7 +116,7 @@ def test_after_a_signal_the_shutdown_is_silent_and_still_does_its_work(context):
         context.shutdown()
 
 
-def test_ros_arguments_are_read_and_the_wrong_ones_refused():
+def test_ros_arguments_are_read_and_unknown_ones_refused():
     context = Context()
     context.init(["program", "--ros-args", "-p", "rate:=3", "--", "rest"])
     assert context.arguments.rest == ["program", "rest"]

@@ -5,7 +5,7 @@ import pytest
 from taskrpc.rclpy.topic_endpoint_info import TopicEndpointInfo, TopicEndpointTypeEnum
 
 
-def test_an_entry_takes_plain_data_for_its_fields():
+def test_endpoint_info_accepts_plain_data_for_its_fields():
     info = TopicEndpointInfo(
         node_name="a", endpoint_type=1, topic_type_hash={"version": 1, "value": bytes(32)}
     )

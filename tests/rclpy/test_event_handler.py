@@ -1,4 +1,4 @@
-"""What does not match on a topic is told as ROS tells it, by the loggers of both nodes."""
+"""Events of topics: both nodes log incompatible QoS and types in the words of ROS."""
 
 import time
 
@@ -35,7 +35,7 @@ def node(world):
     return world.node()
 
 
-def told(capfd, *expected):
+def logged(capfd, *expected):
     ends_at, said = time.monotonic() + 60, ""
     while not all(text in said for text in expected):
         assert time.monotonic() < ends_at, said
@@ -44,12 +44,12 @@ def told(capfd, *expected):
         said += captured.out + captured.err
 
 
-def test_incompatible_qos_and_types_are_warned_of_by_both_nodes(capfd):
+def test_both_nodes_log_a_warning_about_incompatible_qos_and_types(capfd):
     with rclpy.init():
         talker, listener = rclpy.create_node("talker"), rclpy.create_node("listener")
         talker.create_publisher(String, "chatter", qos_profile_sensor_data)
         listener.create_subscription(String, "chatter", print, 10)
-        told(
+        logged(
             capfd,
             "[talker]: New subscription discovered on topic 'chatter', requesting incompatible"
             " QoS. No messages will be sent to it. Last incompatible policy: RELIABILITY\n",
@@ -57,7 +57,7 @@ def test_incompatible_qos_and_types_are_warned_of_by_both_nodes(capfd):
             " QoS. No messages will be received from it. Last incompatible policy: RELIABILITY\n",
         )
         listener.create_subscription(Int32, "chatter", print, qos_profile_sensor_data)
-        told(
+        logged(
             capfd,
             "[listener]: New publisher discovered on topic 'chatter', offering incompatible"
             " type. No messages will be received from it.\n",
@@ -134,7 +134,7 @@ def test_incompatible_qos_is_logged_on_both_sides(world, node, capfd):
     )
 
 
-def test_another_type_is_an_event_too(world, node, capfd):
+def test_incompatible_type_is_an_event(world, node, capfd):
     told = []
     events = PublisherEventCallbacks(incompatible_type=told.append)
     node.create_publisher(Bool, "talk", 10, event_callbacks=events)
@@ -144,7 +144,7 @@ def test_another_type_is_an_event_too(world, node, capfd):
     assert told == [IncompatibleTypeInfo(total_count=1, total_count_change=1)]
 
 
-def test_handlers_that_log_are_there_by_default_and_only_then(node):
+def test_logging_handlers_exist_only_by_default(node):
     publisher = node.create_publisher(String, "talk", 10)
     subscription = node.create_subscription(String, "talk", print, 10)
     kinds = [
@@ -167,7 +167,7 @@ def test_the_old_name_of_event_handlers_is_deprecated(node):
     assert isinstance(handler, EventHandler)
 
 
-def test_create_event_handlers_gives_the_handlers_of_ros_in_its_order(node):
+def test_create_event_handlers_returns_the_handlers_in_the_order_of_ros(node):
     group = node.default_callback_group
     publisher = node.create_publisher(String, "talk", 10)
     subscription = node.create_subscription(String, "talk", print, 10)

@@ -1,4 +1,4 @@
-"""Exceptions have the messages and the names of those of ROS."""
+"""Exceptions have the same messages and names as in ROS."""
 
 import pytest
 
@@ -30,6 +30,6 @@ def test_message_of_a_parameter_error_ends_with_the_name(error, message):
     assert str(error) == message
 
 
-def test_errors_of_ros_itself_are_shown_under_its_module():
+def test_exceptions_of_ros_are_shown_with_the_module_name_of_ros():
     assert exceptions.RCLError.__module__ == "rclpy._rclpy_pybind11"
     assert not issubclass(exceptions.InvalidHandle, exceptions.RCLError)

@@ -1,4 +1,4 @@
-"""Executors: what they run, in what order, on which threads, and how they end."""
+"""Executors: which callbacks they run, in which order and thread, and how they end."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def pool(context, fake):
 def spin_until(executor, condition, seconds=60.0):
     end = time.monotonic() + seconds
     while not condition():
-        assert time.monotonic() < end, "it never happened"
+        assert time.monotonic() < end, "it did not happen"
         executor.spin_once(0.05)
 
 
@@ -68,7 +68,7 @@ def test_spin_once_runs_one_callback(executor, fake):
     assert seen == [1, 2]
 
 
-def test_all_that_is_ready_has_its_turn_before_anything_has_a_second_one(executor, fake):
+def test_each_ready_callback_runs_once_before_any_runs_twice(executor, fake):
     seen = []
 
     def busy():
@@ -137,7 +137,7 @@ def test_a_destroyed_guard_condition_is_silent(executor, fake):
 # Coroutines
 
 
-def test_a_coroutine_callback_goes_on_in_a_later_round(executor, fake):
+def test_suspended_coroutine_callback_continues_in_a_later_round(executor, fake):
     seen = []
 
     async def callback():
@@ -194,7 +194,7 @@ def test_an_exception_of_a_coroutine_after_an_await_leaves_spin(executor, fake):
     assert fake.group.can_execute(guard)
 
 
-async def test_coroutine_callbacks_run_in_a_program_that_spins_inside_of_asyncio(executor, fake):
+async def test_coroutine_callbacks_run_when_a_program_spins_inside_asyncio(executor, fake):
     future, seen = Future(), []
 
     async def callback():
@@ -208,7 +208,7 @@ async def test_coroutine_callbacks_run_in_a_program_that_spins_inside_of_asyncio
     assert seen == ["answer"]
 
 
-def test_a_callback_that_spins_in_a_coroutine_leaves_its_own_step_alone(executor, fake):
+def test_coroutine_callback_that_spins_is_not_entered_again(executor, fake):
     inner, outer, seen = Future(), Future(), []
 
     async def nested():
@@ -380,7 +380,7 @@ def events(context, fake):
         yield events
 
 
-def test_in_the_events_executor_a_callback_that_awaits_holds_up_no_other(events, fake):
+def test_awaiting_callback_delays_no_other_callback_in_the_events_executor(events, fake):
     future, seen = Future(), []
 
     async def wait():
@@ -393,7 +393,7 @@ def test_in_the_events_executor_a_callback_that_awaits_holds_up_no_other(events,
     assert fake.group.can_execute(fake.guards[0])
 
 
-def test_the_events_executor_runs_all_that_is_there_before_its_timeout_ends_it(events, fake):
+def test_events_executor_runs_all_ready_callbacks_before_it_checks_its_timeout(events, fake):
     seen = []
     later = fake.guard(lambda: seen.append("later"))
     fake.guard(lambda: (seen.append("first"), later.trigger())).trigger()
@@ -457,7 +457,7 @@ def test_entities_that_are_created_later_are_served(executor, fake):
 
 
 @pytest.mark.real_time
-def test_a_sleeping_executor_is_woken_by_what_arrives_and_by_a_node(context, fake):
+def test_new_work_and_new_nodes_wake_a_sleeping_executor(context, fake):
     executor = SingleThreadedExecutor(context=context)
     seen = threading.Event()
     guard = fake.guard(seen.set)
@@ -478,7 +478,7 @@ def test_a_sleeping_executor_is_woken_by_what_arrives_and_by_a_node(context, fak
 
 
 @pytest.mark.real_time
-def test_is_spinning_is_true_while_a_thread_waits_and_while_it_works(executor, fake):
+def test_is_spinning_is_true_while_a_thread_waits_or_runs_a_callback(executor, fake):
     seen = []
     assert not executor.is_spinning
     guard = fake.guard(lambda: seen.append(executor.is_spinning))
@@ -499,8 +499,8 @@ def test_an_executor_needs_a_context_that_was_initialised():
         SingleThreadedExecutor(context=Context())
 
 
-def test_a_pool_whose_threads_are_gone_ends_its_spinning(pool, fake):
-    """So they are at the program's end, while a daemon thread spins."""
+def test_spin_of_a_pool_ends_when_its_threads_have_ended(pool, fake):
+    """This happens at the end of a program while a daemon thread spins."""
     pool._executor.shutdown()
     fake.guard(lambda: None).trigger()
     pool.spin()
@@ -519,14 +519,14 @@ def test_an_executor_that_was_shut_down_has_no_work(context, kind):
     assert executor.shutdown()
 
 
-def test_waiting_for_work_says_why_there_is_none(executor):
+def test_waiting_without_work_raises_an_exception_for_the_reason(executor):
     with pytest.raises(TimeoutException):
         executor.wait_for_ready_callbacks(timeout_sec=0)
     with pytest.raises(ConditionReachedException):
         executor.wait_for_ready_callbacks(condition=lambda: True)
 
 
-def test_a_custom_executor_gets_work_from_what_waits_for_it(context, fake):
+def test_custom_executor_gets_work_from_wait_for_ready_callbacks(context, fake):
     class Own(Executor):
         def spin_once(self, timeout_sec=None):
             task, self.entity, self.node = self.wait_for_ready_callbacks(timeout_sec)
@@ -543,7 +543,7 @@ def test_a_custom_executor_gets_work_from_what_waits_for_it(context, fake):
     assert seen == [1, 2]
 
 
-def test_work_that_a_custom_executor_has_not_begun_is_not_given_twice(executor, fake):
+def test_custom_executor_gets_unfinished_work_only_once(executor, fake):
     executor.add_node(fake)
     fake.guard(lambda: None).trigger()
     task, _, _ = executor.wait_for_ready_callbacks(timeout_sec=0)
@@ -552,7 +552,7 @@ def test_work_that_a_custom_executor_has_not_begun_is_not_given_twice(executor, 
     task()
 
 
-def test_work_can_be_asked_for_of_some_nodes_only(context, executor, fake):
+def test_wait_for_ready_callbacks_can_be_limited_to_some_nodes(context, executor, fake):
     other, seen = FakeNode(context), []
     executor.add_node(other)
     fake.guard(lambda: seen.append("first")).trigger()
@@ -562,7 +562,7 @@ def test_work_can_be_asked_for_of_some_nodes_only(context, executor, fake):
     assert (seen, node) == (["second"], other)
 
 
-def test_the_contexts_end_ends_spin_with_an_exception_unless_a_callback_ended_it(context, fake):
+def test_context_shutdown_ends_spin_with_an_exception_unless_a_callback_shut_it_down(context, fake):
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(fake)
     fake.guard(context.shutdown).trigger()
@@ -636,7 +636,7 @@ def test_a_pool_runs_callbacks_of_several_groups_at_once(pool, fake):
 
 
 @pytest.mark.real_time
-def test_a_pool_runs_all_that_arrived_at_one_reentrant_entity_at_once(pool, fake):
+def test_pool_runs_all_data_of_one_reentrant_entity_at_the_same_time(pool, fake):
     together, met = threading.Barrier(3, timeout=60), Future()
 
     class Queue(Waitable):
@@ -693,7 +693,7 @@ def test_a_task_that_was_chosen_while_a_callback_failed_runs_later(context):
         raise ZeroDivisionError
 
     class Failing:
-        """A future: the callback fails when the executor has asked twice whether it is done."""
+        """A future that lets the callback fail at the second check of `done`."""
 
         asked = 0
 
@@ -753,7 +753,7 @@ def test_a_callback_may_shut_its_pool_down(context, fake):
     assert not pool.spin_once(0)
 
 
-def test_a_pool_of_one_thread_is_a_warning(context):
+def test_pool_with_one_thread_warns(context):
     with pytest.warns(UserWarning, match="Use the SingleThreadedExecutor instead"):
         MultiThreadedExecutor(1, context=context).shutdown()
 

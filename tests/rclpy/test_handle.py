@@ -1,4 +1,4 @@
-"""Handles tell what arrives, and refuse what is destroyed."""
+"""Handles report arrived items, and refuse use after their destruction."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Loggers write what ROS 2's write, when they would."""
+"""Loggers write the same lines as the loggers of ROS 2."""
 
 import pytest
 
@@ -18,14 +18,14 @@ def test_every_severity_has_its_word_and_debug_is_not_shown(capsys):
     assert words == ["INFO", "WARN", "WARN", "ERROR", "FATAL"]
 
 
-def test_deprecated_rules_are_warned_of_by_the_logger_rcl(capsys):
+def test_logger_rcl_warns_about_deprecated_rules(capsys):
     context = Context()
     context.init(["p", "a:=b"])
     context.shutdown()
     assert "[rcl]: Found remap rule 'a:=b'. This syntax is deprecated." in capsys.readouterr().err
 
 
-def test_the_directory_of_logs_is_where_ros_has_it(monkeypatch, tmp_path):
+def test_log_directory_is_the_same_as_in_ros(monkeypatch, tmp_path):
     for name in ("ROS_LOG_DIR", "ROS_HOME"):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("HOME", str(tmp_path))

@@ -1,4 +1,4 @@
-"""Nodes are named, make what they have, and end it, as in rclpy."""
+"""Nodes: names, creation and destruction of their entities, as in rclpy."""
 
 import contextlib
 import threading
@@ -46,7 +46,7 @@ def test_a_namespace_may_be_empty_or_relative(world, namespace, whole):
         ("fine", "/bad?", InvalidNamespaceException),
     ],
 )
-def test_bad_names_are_refused_with_ross_words(world, name, namespace, kind):
+def test_bad_names_are_refused_with_the_messages_of_ros(world, name, namespace, kind):
     with pytest.raises(kind, match="must not contain characters"):
         world.node(name, namespace=namespace)
 
@@ -65,7 +65,7 @@ def test_arguments_of_a_node_that_cannot_be_read_are_refused(world):
         world.node(cli_args=["--ros-args", "--my-flag"])
 
 
-def test_a_destroyed_node_has_nothing_and_may_be_destroyed_again(world):
+def test_destroyed_node_has_no_entities_and_may_be_destroyed_again(world):
     node = world.node()
     node.create_timer(10, lambda: None)
     rate = node.create_rate(10)
@@ -81,7 +81,7 @@ def test_a_destroyed_node_has_nothing_and_may_be_destroyed_again(world):
         rate.sleep()
 
 
-def test_with_destroys_a_node_at_its_end(world):
+def test_end_of_a_with_block_destroys_the_node(world):
     with world.node() as node:
         assert node.handle.valid
     assert not node.handle.valid
@@ -124,7 +124,7 @@ class Executor:
         self.told.append("remove")
 
     def wake(self):
-        """Nobody sleeps."""
+        """Do nothing: no thread sleeps."""
 
 
 def test_a_node_moves_from_one_executor_to_another():
@@ -156,7 +156,7 @@ PLAIN = (
 ).split()
 
 
-def test_a_program_may_use_names_for_its_own_that_rclpy_leaves_free(world):
+def test_subclass_may_define_attributes_that_rclpys_node_does_not_use(world):
     class Robot(Node):
         def __init__(self, context):
             super().__init__("robot", context=context)
@@ -187,7 +187,7 @@ def test_an_error_about_arguments_names_the_method_as_ros_does():
         Node.create_publisher(None, None, "topic")
 
 
-def test_a_misspelt_method_is_missing_as_everywhere(world):
+def test_misspelt_method_raises_attribute_error(world):
     with pytest.raises(
         AttributeError, match=r"^'Node' object has no attribute 'get_loger'$"
     ) as told:

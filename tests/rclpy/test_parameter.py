@@ -35,7 +35,7 @@ values = (
 
 
 @given(values)
-def test_a_value_comes_back_from_a_message_as_it_was(value):
+def test_value_is_unchanged_after_conversion_to_a_message_and_back(value):
     parameter = Parameter("p", value=value)
     again = Parameter.from_parameter_msg(parameter.to_parameter_msg())
     assert (again.name, again.type_) == ("p", parameter.type_)
@@ -125,7 +125,7 @@ def test_an_unknown_type_is_reported():
         ("[a, b]", "STRING_ARRAY", ["a", "b"]),
     ],
 )
-def test_a_typed_value_has_the_type_that_it_looks_like(text, kind, value):
+def test_typed_text_gets_the_type_that_yaml_gives_it(text, kind, value):
     found = get_parameter_value(text)
     assert found.type == getattr(ParameterType, f"PARAMETER_{kind}")
     assert parameter_value_to_python(found) == value
@@ -157,7 +157,7 @@ def _read(path, **choice):
 ROBOT = {"a": 1, "motor.gain": 2.5, "motor.names": ["left", "right"]}
 
 
-def test_parameters_of_a_file_are_chosen_by_nodes(dumped):
+def test_node_gets_the_parameters_of_its_entries_in_a_file(dumped):
     assert _read(dumped) == ROBOT | {"c": 3}
     assert _read(dumped, target_nodes=["/robot"]) == ROBOT
     assert _read(dumped, target_nodes=["/robot"], use_wildcard=True) == ROBOT | {"b": "all"}

@@ -12,7 +12,7 @@ pytestmark = pytest.mark.real_time
 Descriptor = srvgen.load("rcl_interfaces/msg/ParameterDescriptor")
 
 
-def test_values_are_had_by_their_names(pair):
+def test_client_gets_values_by_name(pair):
     found = pair.answer(pair.client.get_parameters(["speed", "names", "g.x"])).values
     assert [parameter_value_to_python(one) for one in found] == [1.5, ["a", "b"], [1, 2]]
     assert list(pair.answer(pair.client.get_parameter_types(["speed", "g.x"])).types) == [3, 7]
@@ -21,7 +21,7 @@ def test_values_are_had_by_their_names(pair):
     ]
 
 
-def test_a_question_about_an_undeclared_parameter_is_answered_with_nothing(pair):
+def test_undeclared_parameter_gives_an_empty_response(pair):
     pair.target.declare_parameter("later", Parameter.Type.STRING)
     assert pair.answer(pair.client.get_parameters(["speed", "none"])).values == []
     assert pair.answer(pair.client.get_parameters(["later"])).values == []
@@ -47,6 +47,6 @@ def test_a_file_is_loaded_and_the_callback_receives_the_results(pair, tmp_path):
     assert len(told) == 1
 
 
-def test_services_that_are_not_there_are_not_waited_for_longer_than_asked(pair):
-    nobody = AsyncParameterClient(pair.asking, "nobody")
-    assert not nobody.wait_for_services(timeout_sec=0.01)
+def test_wait_for_missing_services_ends_at_its_timeout(pair):
+    client = AsyncParameterClient(pair.asking, "nobody")
+    assert not client.wait_for_services(timeout_sec=0.01)

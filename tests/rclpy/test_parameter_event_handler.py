@@ -1,4 +1,4 @@
-"""Programs are told of the parameters of the nodes that they name."""
+"""`ParameterEventHandler` calls back for changed parameters of the selected nodes."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from taskrpc.rclpy.parameter_event_handler import ParameterEvent, ParameterEvent
 
 
 class Node:
-    """As much of a node as the handler needs: it hands over the subscription's callback."""
+    """The part of a node that the handler uses; it keeps the callback of the subscription."""
 
     def create_subscription(self, message, topic, callback, qos, **settings):
         self.publish = callback
@@ -17,7 +17,7 @@ def node():
     return Node()
 
 
-def test_a_filter_leaves_the_nodes_that_it_names_and_none_leaves_all(node):
+def test_filter_selects_the_named_nodes_and_no_filter_selects_all(node):
     handler, told = ParameterEventHandler(node), []
     handler.add_parameter_event_callback(lambda event: told.append(event.node))
     assert handler.configure_nodes_filter(["/b"])

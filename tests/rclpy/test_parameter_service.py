@@ -1,4 +1,4 @@
-"""Other nodes get and set a node's parameters, and hear of every change."""
+"""Other nodes get and set a node's parameters, and get an event for each change."""
 
 import pytest
 
@@ -12,7 +12,7 @@ Descriptor = srvgen.load("rcl_interfaces/msg/ParameterDescriptor")
 Event = srvgen.load("rcl_interfaces/msg/ParameterEvent")
 
 
-def test_settings_are_answered_one_by_one(pair):
+def test_each_set_parameter_gets_its_own_result(pair):
     assert pair.set(speed=2.5, names=7, none=1) == [
         (True, ""),
         (False, "Wrong parameter type, expected 'Type.STRING_ARRAY' got 'Type.INTEGER'"),
@@ -29,7 +29,7 @@ def test_all_are_set_or_none(pair):
     assert pair.answer(pair.client.set_parameters_atomically(both[:1])).result.successful
 
 
-def test_a_message_that_is_no_parameter_is_refused_without_harm(pair):
+def test_invalid_parameter_message_is_refused_and_changes_nothing(pair):
     bad = Parameter("speed", value=2.0).to_parameter_msg()
     bad.value.type = 77
     answer = pair.answer(pair.client.set_parameters([bad]))
@@ -39,7 +39,7 @@ def test_a_message_that_is_no_parameter_is_refused_without_harm(pair):
     )
 
 
-def test_only_what_may_change_its_type_can_be_deleted(pair):
+def test_only_parameters_with_dynamic_types_can_be_deleted(pair):
     pair.target.declare_parameter("free", 1, Descriptor(dynamic_typing=True))
     future = pair.client.delete_parameters(["free", "speed"])
     assert [one.reason for one in pair.answer(future).results] == [
@@ -49,7 +49,7 @@ def test_only_what_may_change_its_type_can_be_deleted(pair):
     assert not pair.target.has_parameter("free")
 
 
-def test_every_change_is_heard(pair):
+def test_every_change_is_an_event(pair):
     events = []
     subscription = pair.client.on_parameter_event(events.append)
     publisher = pair.target._parameter_event_publisher

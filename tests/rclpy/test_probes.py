@@ -1,4 +1,4 @@
-"""What real rclpy was seen to do, line by line: the same here, or it is told why not."""
+"""Recorded behaviour of real rclpy, line by line: ours is the same, or `REASONS` says why not."""
 
 import re
 import warnings
@@ -66,11 +66,11 @@ REASONS = {
     "async callback awaiting a client, reentrant group": "shown in test_service",
     "its result": "of what is above it, where more is asked",
 }
-"""Questions that no test below asks, and why."""
+"""Lines that the test below does not compare, each with its reason."""
 
 
 def outcome(action):
-    """What happened, in the probes' words."""
+    """Return what happened, in the words of the recorded lines."""
     try:
         result = action()
     except Exception as error:
@@ -113,7 +113,7 @@ def warnings_of_a_callback():
 
 def failed(future):
     future.set_exception(KeyError("k"))
-    future.exception()  # so that it is not told a second time when it is forgotten
+    future.exception()  # else the future prints the exception when it is deleted
 
 
 ANSWERS = {
@@ -147,7 +147,7 @@ ANSWERS = {
 
 
 def asked_of_a_client(client):
-    """The answers that need a client without a server."""
+    """Our results with a client without a server."""
     future = client.call_async(Request(a=1, b=2))
     return {
         "public Client": public(client),
@@ -162,7 +162,7 @@ def asked_of_a_client(client):
 
 
 def asked_of_a_server(world, client):
-    """The answers that need a client whose server is there, which is destroyed at the end."""
+    """Our results with a client and its server; the server is destroyed at the end."""
 
     async def eleven(request, response):
         response.sum = 11
@@ -234,7 +234,7 @@ def test_recorded_behaviour_of_rclpy_is_reproduced_or_has_a_reason(probes, answe
         if question in REASONS:
             continue
         answer = answers[question]
-        if isinstance(answer, set):  # more may be public, as in later versions
+        if isinstance(answer, set):  # other public names are allowed, as in later versions
             same = set(re.findall(r"'(\w+)'", seen)) <= answer
         else:
             same = seen == answer
@@ -243,6 +243,6 @@ def test_recorded_behaviour_of_rclpy_is_reproduced_or_has_a_reason(probes, answe
     assert differing == {}
 
 
-def test_every_reason_is_for_a_line_of_the_probes(probes):
+def test_every_reason_belongs_to_a_recorded_line(probes):
     assert set(REASONS) <= {question for question, _ in probes}
     assert not set(REASONS) & set(ANSWERS)

@@ -1,4 +1,4 @@
-"""Profiles, policies and who finds whom are as in rclpy."""
+"""Profiles, policies and their compatibility are as in rclpy."""
 
 import pytest
 from hypothesis import given
@@ -51,7 +51,7 @@ def test_a_history_or_depth_is_needed(policies):
         QoSProfile(**policies)
 
 
-def test_a_depth_of_zero_is_warned_of():
+def test_depth_of_zero_warns():
     with pytest.warns(UserWarning, match="zero depth"):
         QoSProfile(depth=0)
 
@@ -83,7 +83,7 @@ def test_a_profile_becomes_one_of_taskrpc(profile, publisher, subscription):
     assert profile.to_native(subscribes=True) == subscription
 
 
-def test_profiles_are_known_by_their_names_in_c():
+def test_profiles_have_their_names_from_c():
     found = rclpy_implementation.rmw_qos_profile_t.predefined("qos_profile_sensor_data")
     assert QoSProfile(**found.to_dict()) == qos_profile_sensor_data
     with pytest.raises(ValueError, match="unknown rmw_qos_profile: nothing"):

@@ -1,4 +1,4 @@
-"""Who starts a program may choose the QoS of topics that the program leaves open."""
+"""Parameters override the QoS of a topic where the program allows it."""
 
 import pytest
 
@@ -33,7 +33,7 @@ def declared(node):
     return {name.removeprefix("/chatter."): one.value for name, one in found.items()}
 
 
-def test_a_topic_s_policies_are_parameters(context):
+def test_policies_of_a_topic_are_parameters(context):
     node = Node("n", context=context)
     options = QoSOverridingOptions.with_default_policies(entity_id="left")
     node.create_publisher(String, "chatter", 10, qos_overriding_options=options)
@@ -64,7 +64,7 @@ def test_overrides_change_the_profile(context):
         context, depth=100, reliability="best_effort", lifespan=5, liveliness="automatic"
     )
     kinds = [QoSPolicyKind[name] for name in "DEPTH RELIABILITY LIFESPAN LIVELINESS".split()]
-    for _ in range(2):  # the second time the parameters are there
+    for _ in range(2):  # the second time the parameters exist already
         profile = QoSProfile(depth=10)
         publisher = node.create_publisher(
             String, "/chatter", profile, qos_overriding_options=QoSOverridingOptions(kinds)

@@ -1,4 +1,4 @@
-"""Services answer on the spinning thread; what they do wrong is said there and to the caller."""
+"""Services respond on the spinning thread; their errors are raised there and sent to the caller."""
 
 import pytest
 
@@ -17,7 +17,7 @@ Request = AddTwoInts.Request
 
 
 def called(world, callback, **settings):
-    """A future of a call of a service with this callback."""
+    """Return the future of a call of a service with this callback."""
     world.node("server").create_service(AddTwoInts, "add", callback, **settings)
     client = world.node("caller").create_client(AddTwoInts, "add")
     return client.call_async(Request(a=1, b=2))
@@ -32,7 +32,7 @@ def called(world, callback, **settings):
         (Request(), "returned a value of the type AddTwoInts_Request, expected a"),
     ],
 )
-def test_a_wrong_answer_is_a_type_error_there_and_here(world, answer, text):
+def test_wrong_response_type_raises_for_server_and_caller(world, answer, text):
     future = called(world, lambda request, response: answer)
     with pytest.raises(TypeError, match=text):
         world.answer(future)
@@ -41,7 +41,7 @@ def test_a_wrong_answer_is_a_type_error_there_and_here(world, answer, text):
         future.result()
 
 
-def test_a_value_that_cannot_be_sent_is_named_there_and_here(world):
+def test_value_out_of_range_is_named_to_server_and_caller(world):
     def overflow(request, response):
         response.sum = 2**70
         return response
@@ -73,7 +73,7 @@ def test_a_callback_that_destroys_its_service_is_an_error_on_both_sides(world, w
 
 
 @pytest.mark.parametrize("is_async", [False, True])
-def test_a_callback_that_shuts_down_is_still_answered(world, is_async):
+def test_response_is_sent_although_the_callback_shuts_down(world, is_async):
     """The caller is in another context, as in another program."""
 
     def leave(request, response):
@@ -111,7 +111,7 @@ def test_an_async_callback_may_await_another_service(world):
     assert world.answer(future).sum == 6
 
 
-def test_an_async_callback_that_raises_leaves_spin_and_tells_the_caller(world):
+def test_exception_of_an_async_callback_leaves_spin_and_is_sent_to_the_caller(world):
     async def fail(request, response):
         raise ValueError("boom")
 
@@ -123,7 +123,7 @@ def test_an_async_callback_that_raises_leaves_spin_and_tells_the_caller(world):
         future.result()
 
 
-def test_a_second_server_of_the_program_takes_over_when_the_first_goes(world):
+def test_second_service_of_the_program_takes_over_when_the_first_is_destroyed(world):
     def says(number):
         def answer(request, response):
             response.sum = number
@@ -154,7 +154,7 @@ def test_requests_can_be_taken_without_a_callback(world):
     assert world.answer(future).sum == 9
 
 
-def test_with_destroys_a_service_at_its_end(world):
+def test_end_of_a_with_block_destroys_the_service(world):
     node = world.node()
     with node.create_service(AddTwoInts, "add", None) as service:
         assert node.count_services("add") == 1
@@ -162,7 +162,7 @@ def test_with_destroys_a_service_at_its_end(world):
     assert node.count_services("add") == 0
 
 
-def test_a_request_runs_even_if_its_caller_has_given_it_up(world):
+def test_request_runs_even_if_its_caller_has_cancelled_it(world):
     def add(request, response):
         done.append(request)
         return response

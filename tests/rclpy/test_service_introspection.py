@@ -1,4 +1,4 @@
-"""Introspection tells of the four steps of a call, with or without the messages."""
+"""Introspection publishes the four events of a call, with or without the messages."""
 
 import pytest
 
@@ -14,7 +14,7 @@ Info = srvgen.load("service_msgs/msg/ServiceEventInfo")
 
 
 def steps(state):
-    """What is told of one call, by the kind of the step."""
+    """Return the introspection events of one call, by event type."""
     with living() as world:
         node, events = world.node(), []
 
@@ -34,24 +34,24 @@ def steps(state):
         return {event.info.event_type: event for event in events}
 
 
-def test_contents_are_published_when_they_are_known():
-    told = steps(ServiceIntrospectionState.CONTENTS)
+def test_events_contain_the_messages_that_are_known_at_that_step():
+    published = steps(ServiceIntrospectionState.CONTENTS)
     request, response = [AddTwoInts.Request(a=1, b=2)], [AddTwoInts.Response(sum=3)]
-    shown = {kind: (list(one.request), list(one.response)) for kind, one in told.items()}
+    shown = {kind: (list(one.request), list(one.response)) for kind, one in published.items()}
     assert shown == {
         Info.REQUEST_SENT: (request, []),
         Info.REQUEST_RECEIVED: (request, []),
         Info.RESPONSE_SENT: ([], response),
         Info.RESPONSE_RECEIVED: ([], response),
     }
-    assert len({tuple(one.info.client_gid) for one in told.values()}) == 1
-    assert all(one.info.stamp.sec > 0 for one in told.values())
+    assert len({tuple(one.info.client_gid) for one in published.values()}) == 1
+    assert all(one.info.stamp.sec > 0 for one in published.values())
 
 
 def test_metadata_events_have_no_contents():
-    told = steps(ServiceIntrospectionState.METADATA)
-    assert len(told) == 4
-    assert not [one for one in told.values() if list(one.request) or list(one.response)]
+    published = steps(ServiceIntrospectionState.METADATA)
+    assert len(published) == 4
+    assert not [one for one in published.values() if list(one.request) or list(one.response)]
 
 
 def test_nothing_is_published_before_configure():

@@ -65,7 +65,7 @@ not_on_windows = pytest.mark.skipif(windows, reason="Windows sends no such signa
 
 
 def ended_by(number, body):
-    """How a program ends that gets the signal: status, standard output, standard error."""
+    """Send the signal to a program; returns its exit status, stdout and stderr."""
     program = PROGRAM + textwrap.dedent(body)
     with subprocess.Popen(
         [sys.executable, "-c", program],
@@ -104,7 +104,7 @@ def test_a_program_that_catches_ctrl_c_ends_with_0_and_its_shutdown_is_silent():
 
 @pytest.mark.real_time
 @not_on_windows
-def test_a_program_that_sleeps_between_spins_hears_ctrl_c():
+def test_ctrl_c_interrupts_a_program_that_sleeps_between_spins():
     body = """
         import time
         try:
@@ -168,7 +168,7 @@ def within_seconds(seconds):
 
 
 def signalled_elsewhere(number):
-    """The signal, noted while the main thread is about to wait: another thread receives it."""
+    """Send the signal in 0.1 s from another thread, which also receives it."""
     threading.Timer(0.1, signal.raise_signal, (number,)).start()
 
 
@@ -195,7 +195,7 @@ def test_a_signal_that_comes_just_before_an_executor_waits_ends_the_spinning(up,
 
 
 @pytest.mark.real_time
-def test_ctrl_c_in_a_delicate_place_is_sent_again(up):
+def test_ctrl_c_during_a_destructor_is_raised_afterwards(up):
     class Gone:
         def __del__(self):
             signal.raise_signal(signal.SIGINT)
@@ -214,7 +214,7 @@ def let_go_and_wait(kind):
 
 @pytest.mark.real_time
 def test_ctrl_c_leaves_no_lock_locked(up):
-    """It comes in `Condition.__enter__`, after the lock was acquired."""
+    """The signal arrives in `Condition.__enter__`, after the lock was acquired."""
 
     interrupt = functools.partial(signal.raise_signal, signal.SIGINT)
     lock = SimpleNamespace(acquire=None, release=None, __enter__=interrupt, __exit__=Mock())
@@ -235,17 +235,17 @@ def test_the_signal_is_handled_once(up):
     for _ in range(3):
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
-    time.sleep(0.3)  # would raise once more
+    time.sleep(0.3)  # a second signal would raise here
 
 
 @pytest.mark.real_time
 @not_on_windows
-def test_a_handler_that_a_notebook_or_debugger_puts_in_place_gets_a_signal_once(up):
+def test_handler_installed_by_a_notebook_or_debugger_gets_a_signal_once(up):
     came = []
     before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
     try:
         signal.raise_signal(signal.SIGINT)
-        time.sleep(0.3)  # would come several times more
+        time.sleep(0.3)  # else it would come several times
     finally:
         signal.signal(signal.SIGINT, before)
     assert came == [signal.SIGINT]
@@ -253,7 +253,7 @@ def test_a_handler_that_a_notebook_or_debugger_puts_in_place_gets_a_signal_once(
 
 @pytest.mark.real_time
 @not_on_windows
-def test_a_signal_of_a_child_is_none_of_its_parents(up):
+def test_signal_of_a_forked_child_does_not_reach_its_parent(up):
     child = os.fork()
     if child == 0:
         try:
@@ -261,7 +261,7 @@ def test_a_signal_of_a_child_is_none_of_its_parents(up):
         except KeyboardInterrupt:
             os._exit(7)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
-    time.sleep(0.3)  # would raise
+    time.sleep(0.3)  # a signal would raise here
 
 
 @not_on_windows

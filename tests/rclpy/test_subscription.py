@@ -1,4 +1,4 @@
-"""Subscriptions call back on the spinning thread, and messages can also be taken or waited for."""
+"""Subscriptions call back on the spinning thread; programs can also take or wait for messages."""
 
 import threading
 
@@ -34,7 +34,7 @@ def test_messages_come_in_order_on_the_spinning_thread(world, node):
     assert came == [(text, threading.current_thread()) for text in "abc"]
 
 
-def test_only_the_last_messages_wait_for_a_slow_subscription(world, node):
+def test_slow_subscription_gets_only_the_newest_messages(world, node):
     came = []
     subscription = node.create_subscription(String, "talk", lambda m: came.append(m.data), 2)
     publisher = node.create_publisher(String, "talk", 10)
@@ -46,7 +46,7 @@ def test_only_the_last_messages_wait_for_a_slow_subscription(world, node):
     assert came == ["c", "d"]
 
 
-def test_a_callback_with_two_parameters_learns_when_a_message_came(world, node):
+def test_callback_with_two_parameters_gets_the_times_of_the_message(world, node):
     came = []
     subscription = node.create_subscription(String, "talk", lambda m, info: came.append(info), 10)
     assert subscription._callback_type is Subscription.CallbackType.WithMessageInfo
@@ -80,7 +80,7 @@ def test_a_callback_with_other_parameters_is_refused(node, callback):
     assert len(list(node.waitables)) == before
 
 
-def test_raw_messages_are_cdr_both_ways(world, node):
+def test_raw_messages_are_published_and_received_as_cdr(world, node):
     came = []
     node.create_subscription(String, "talk", came.append, 10, raw=True)
     publisher = node.create_publisher(String, "talk", 10)
@@ -96,7 +96,7 @@ def test_a_message_of_another_type_is_refused(node):
         publisher.publish("text")
 
 
-def test_both_sides_know_how_many_there_are(node):
+def test_both_sides_count_publishers_and_subscriptions(node):
     publisher = node.create_publisher(String, "talk", 10)
     subscription = node.create_subscription(String, "/talk", print, 10)
     assert (publisher.get_subscription_count(), subscription.get_publisher_count()) == (1, 1)

@@ -48,7 +48,7 @@ def test_a_result_after_cancelling_counts():
     assert (future.done(), future.cancelled(), future.result()) == (True, False, 4)
 
 
-def test_cancelling_what_is_done_changes_nothing():
+def test_cancelling_a_completed_future_changes_nothing():
     future = Future()
     future.set_result(4)
     future.cancel()
@@ -140,7 +140,7 @@ async def test_a_coroutine_of_asyncio_awaits_it_while_another_thread_completes_i
 
 
 @pytest.mark.real_time
-async def test_a_coroutine_of_asyncio_may_give_it_up():
+async def test_asyncio_coroutine_that_awaits_it_can_be_cancelled():
     future = Future()
     with pytest.raises(TimeoutError):
         await asyncio.wait_for(_awaited(future), 0.01)
@@ -173,7 +173,7 @@ def test_an_unread_exception_is_printed_when_the_future_is_deleted(capsys):
     assert capsys.readouterr().err == "The following exception was never retrieved: forgotten\n"
 
 
-def test_a_future_shows_itself_as_that_of_the_task_module():
+def test_repr_of_a_future_names_the_task_module():
     assert repr(Future()).startswith("<taskrpc.rclpy.task.Future object at ")
 
 
@@ -189,7 +189,7 @@ def test_a_future_does_not_keep_its_executor(context):
 
 
 class Recorder:
-    """An executor that only notes what it is to run."""
+    """An executor that only records its tasks."""
 
     def __init__(self) -> None:
         self.made = []
@@ -212,7 +212,7 @@ def test_a_function_runs_once_with_its_arguments():
     assert (task.done(), task.result(), task.executing()) == (True, "result", False)
 
 
-def test_a_coroutine_goes_on_with_each_call():
+def test_each_call_continues_the_coroutine():
     steps = []
 
     async def coroutine(word):
@@ -244,7 +244,7 @@ def test_an_exception_of_the_function_completes_the_task(kind):
         task.result()
 
 
-def test_an_exit_leaves_it():
+def test_system_exit_leaves_the_task():
     task = Task(lambda: exit(3))
     with pytest.raises(SystemExit):
         task()
@@ -260,7 +260,7 @@ def test_done_callbacks_become_tasks_of_the_executor():
     assert executor.made == [("a callback", (task,)), ("another", (task,))]
 
 
-def test_one_that_awaits_another_is_called_again_only_when_that_is_done():
+def test_task_that_awaits_a_future_is_resumed_only_when_it_is_done():
     executor = Recorder()
     first = Task(lambda: 7, executor=executor)
 
@@ -276,7 +276,7 @@ def test_one_that_awaits_another_is_called_again_only_when_that_is_done():
     assert second.result() == 7
 
 
-def test_one_that_only_yields_is_called_again_in_the_next_round():
+def test_task_that_only_yields_is_resumed_in_the_next_round():
     executor = Recorder()
 
     async def pause():
@@ -287,7 +287,7 @@ def test_one_that_only_yields_is_called_again_in_the_next_round():
     assert executor.resumed == [task]
 
 
-def test_cancelling_a_task_that_ran_changes_nothing_and_before_it_does():
+def test_cancelling_has_an_effect_only_before_the_task_ran():
     task = Task(lambda: None)
     task.cancel()
     assert task.cancelled()
@@ -297,7 +297,7 @@ def test_cancelling_a_task_that_ran_changes_nothing_and_before_it_does():
     assert not task.cancelled()
 
 
-def test_a_task_inside_of_itself_does_not_run_twice():
+def test_task_that_calls_itself_does_not_run_twice():
     calls = []
 
     def again():

@@ -1,4 +1,4 @@
-"""Points in time and spans of time."""
+"""`Time` and `Duration`."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def test_a_time_is_seconds_and_nanoseconds_of_a_clock():
         ({"clock_type": "SYSTEM_TIME"}, TypeError),
     ],
 )
-def test_a_time_that_no_clock_shows_is_refused(arguments, error):
+def test_time_out_of_range_is_refused(arguments, error):
     with pytest.raises(error):
         Time(**arguments)
 
@@ -50,7 +50,7 @@ def test_a_duration_may_be_negative_and_has_63_bits():
             Duration(nanoseconds=beyond)
 
 
-def test_a_duration_shows_itself():
+def test_duration_has_a_readable_text():
     assert repr(Duration(nanoseconds=3)) == "Duration(nanoseconds=3)"
     assert (str(Duration(nanoseconds=3)), str(Infinite)) == ("3 nanoseconds", "Infinite")
 
@@ -118,14 +118,14 @@ def test_a_time_a_duration_and_a_number_are_never_equal():
 
 
 @given(nanoseconds.filter(lambda number: number < 2**31 * 10**9))
-def test_both_go_through_messages_unchanged(number):
+def test_conversion_to_a_message_and_back_changes_nothing(number):
     time, span = Time(nanoseconds=number), Duration(nanoseconds=-number)
     assert Time.from_msg(time.to_msg(), ClockType.SYSTEM_TIME) == time
     assert Time.from_msg(time.to_msg()).clock_type is ClockType.ROS_TIME
     assert Duration.from_msg(span.to_msg()) == span
 
 
-def test_another_message_is_refused():
+def test_conversion_from_another_message_type_is_refused():
     with pytest.raises(TypeError, match=r"builtin_interfaces\.msg\.Time"):
         Time.from_msg(srvgen.load("builtin_interfaces/msg/Duration")())
     with pytest.raises(TypeError, match=r"builtin_interfaces\.msg\.Duration"):

@@ -1,4 +1,4 @@
-"""Simulated time: the parameter use_sim_time and what arrives on /clock."""
+"""Simulated time: the parameter use_sim_time and the messages on /clock."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def test_with_use_sim_time_a_node_shows_simulated_time(node):
     assert clock.now() > Time(seconds=10**9, clock_type=ClockType.ROS_TIME)
 
 
-def test_use_sim_time_of_the_command_line_counts_from_the_beginning():
+def test_use_sim_time_from_the_command_line_applies_from_the_start():
     with rclpy.init(args=["--ros-args", "-p", "use_sim_time:=true"]):
         node = rclpy.create_node("simulated")
         assert node.get_clock().now() == Time(clock_type=ClockType.ROS_TIME)
@@ -78,13 +78,13 @@ def test_a_timer_follows_simulated_time(node):
     assert calls == [11]
 
 
-def test_use_sim_time_is_true_or_false(node):
+def test_use_sim_time_must_be_true_or_false(node):
     result = set_sim_time(node, "yes")
     assert not result.successful
     assert not node.get_clock().ros_time_is_active
 
 
-def test_a_clock_is_attached_and_shows_what_came_already(node):
+def test_attached_clock_shows_the_last_time_at_once(node):
     set_sim_time(node, True)
     publish(node, 4)
     late = ROSClock()

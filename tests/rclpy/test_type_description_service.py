@@ -1,4 +1,4 @@
-"""Every node describes types to whoever asks."""
+"""The service of every node that describes types."""
 
 import pytest
 
@@ -20,7 +20,7 @@ def asked(**request):
         return world.answer(client.call_async(GetTypeDescription.Request(**request)))
 
 
-def test_a_type_is_described_with_all_that_it_needs():
+def test_description_contains_all_referenced_types():
     answer = asked(type_name=PoseStamped._TYPE, type_hash=PoseStamped._HASH)
     assert answer.successful
     described = answer.type_description.type_description
@@ -47,13 +47,13 @@ def test_the_sources_can_be_left_out():
         (PoseStamped._TYPE, "RIHS01_00", "has the hash RIHS01_"),
     ],
 )
-def test_what_is_not_known_is_said_so(name, hash_, text):
+def test_unknown_type_is_reported(name, hash_, text):
     answer = asked(type_name=name, type_hash=hash_)
     assert not answer.successful
     assert text in answer.failure_reason
 
 
-def test_a_parameter_leaves_the_service_out():
+def test_parameter_turns_the_service_off():
     off = Parameter("start_type_description_service", Parameter.Type.BOOL, False)
     with living() as world:
         node = world.node(parameter_overrides=[off])

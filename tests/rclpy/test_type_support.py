@@ -1,4 +1,4 @@
-"""Only interfaces are taken for types."""
+"""Only interface classes are accepted as types."""
 
 import pytest
 
@@ -15,10 +15,10 @@ class Unsupported(type):
 
 
 class Mistaken(metaclass=Unsupported):
-    """Looks like an interface of ROS, and is none."""
+    """A class that looks like an interface of ROS but is not."""
 
 
-def test_only_interfaces_are_taken_for_types():
+def test_only_interface_classes_are_accepted_as_types():
     type_support.check_is_valid_msg_type(String)
     type_support.check_is_valid_srv_type(Trigger)
     with pytest.raises(AttributeError):

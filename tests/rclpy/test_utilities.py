@@ -16,7 +16,7 @@ def down():
     rclpy.try_shutdown()
 
 
-def test_a_program_may_begin_and_end_again_and_again():
+def test_program_may_init_and_shut_down_repeatedly():
     for _ in range(2):
         rclpy.init(args=[])
         assert rclpy.ok()
@@ -24,7 +24,7 @@ def test_a_program_may_begin_and_end_again_and_again():
         assert not rclpy.ok()
 
 
-def test_beginning_twice_and_ending_before_the_beginning_are_refused():
+def test_second_init_and_shutdown_before_init_are_refused():
     rclpy.init(args=[])
     with pytest.raises(RuntimeError, match="must only be called once"):
         rclpy.init(args=[])
@@ -34,7 +34,7 @@ def test_beginning_twice_and_ending_before_the_beginning_are_refused():
     rclpy.try_shutdown()
 
 
-def test_with_init_gives_the_context_and_ends_it():
+def test_init_as_context_manager_returns_the_context_and_shuts_it_down():
     with rclpy.init(args=[], domain_id=12) as init:
         assert init.context is rclpy.get_default_context()
         assert init.context.get_domain_id() == 12
@@ -43,7 +43,7 @@ def test_with_init_gives_the_context_and_ends_it():
     rclpy.init(args=[])
 
 
-def test_a_context_of_ones_own_leaves_the_default_one_alone():
+def test_second_context_does_not_change_the_default_context():
     context = rclpy.Context()
     rclpy.init(args=[], context=context)
     assert context.ok()
@@ -73,11 +73,11 @@ def test_ros_arguments_can_be_removed():
 @pytest.mark.parametrize(
     ("seconds", "nanoseconds"), [(None, -1), (-2, -1), (0, 0), (1.5, 15 * 10**8)]
 )
-def test_a_timeout_in_nanoseconds(seconds, nanoseconds):
+def test_timeout_is_converted_to_nanoseconds(seconds, nanoseconds):
     assert utilities.timeout_sec_to_nsec(seconds) == nanoseconds
 
 
-def test_modules_are_imported_where_they_are_named():
+def test_submodules_are_imported_at_their_first_use():
     from taskrpc.rclpy.parameter import Parameter
 
     assert rclpy.executors.SingleThreadedExecutor.__module__ == "taskrpc.rclpy.executors"

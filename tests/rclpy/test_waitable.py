@@ -1,4 +1,4 @@
-"""Waitables: what programs add to a node themselves."""
+"""Waitables: a program's own sources of work for a node."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def test_an_executor_queries_takes_and_executes_a_waitable(executor, fake):
     assert mailbox.read == ["one", "two"]
 
 
-def test_one_of_a_busy_exclusive_group_waits(executor, fake):
+def test_waitable_of_a_busy_exclusive_group_waits(executor, fake):
     group = MutuallyExclusiveCallbackGroup()
     mailbox = Mailbox(group)
     fake.add_waitable(mailbox)
@@ -55,7 +55,7 @@ def test_one_of_a_busy_exclusive_group_waits(executor, fake):
     assert mailbox.read == ["one"]
 
 
-def test_its_futures_have_their_done_callbacks_run_by_the_executor(executor, fake):
+def test_executor_runs_the_done_callbacks_of_a_waitables_futures(executor, fake):
     mailbox, future, seen = Mailbox(ReentrantCallbackGroup()), Future(), []
     fake.add_waitable(mailbox)
     mailbox.add_future(future)
@@ -70,7 +70,7 @@ def test_its_futures_have_their_done_callbacks_run_by_the_executor(executor, fak
     assert mailbox._futures == []
 
 
-def test_it_may_wait_for_a_guard_condition(context, executor, fake):
+def test_waitable_may_wait_for_a_guard_condition(context, executor, fake):
     class Bell(Waitable):
         rung = 0
 
@@ -102,7 +102,7 @@ def test_it_may_wait_for_a_guard_condition(context, executor, fake):
     assert bell.rung == 1
 
 
-def test_a_waitable_must_say_what_it_waits_for():
+def test_waitable_without_the_required_methods_is_refused():
     waitable = Waitable(ReentrantCallbackGroup())
     assert waitable.callback_group.has_entity(waitable)
     for ask in (lambda: waitable.is_ready(None), waitable.take_data):
@@ -128,7 +128,7 @@ def test_several_triggers_of_a_guard_condition_run_its_callback_once(executor, f
     assert seen == [1]
 
 
-def test_a_guard_condition_without_a_callback_only_wakes(context, executor):
+def test_guard_condition_without_a_callback_only_wakes_the_executor(context, executor):
     guard = GuardCondition(None, None, context)
     guard.trigger()
     assert guard.take_work() is None

@@ -1,4 +1,4 @@
-"""ROS 2 programs as processes of their own, and what they print with its time stamps replaced."""
+"""Runs ROS 2 programs as processes, and reads their output with time stamps replaced."""
 
 import contextlib
 import os
@@ -19,12 +19,12 @@ _STAMP = re.compile(r"\[\d{9,}\.\d{9}\]")
 
 
 class Program:
-    """A program that runs: what it has printed, and how it ends."""
+    """A running program: its output so far, and its exit status."""
 
     def __init__(self, process):
         self._process = process
         self._lines = {"out": [], "err": []}
-        self._news = threading.Condition()
+        self._line_read = threading.Condition()
         self._readers = [
             threading.Thread(target=self._read, args=(name, stream), daemon=True)
             for name, stream in (("out", process.stdout), ("err", process.stderr))
@@ -39,15 +39,15 @@ class Program:
 
     @property
     def err(self):
-        """What it wrote to stderr, each time stamp as [T]."""
+        """What it wrote to stderr, with [T] instead of each time stamp."""
         return "".join(self._lines["err"])
 
     def wait_for(self, text, times=1):
-        """Return once it has written this text so often, to either stream."""
-        with self._news:
+        """Wait until it has written this text `times` times, to stdout and stderr together."""
+        with self._line_read:
             seen = lambda: (self.out + self.err).count(text) >= times  # noqa: E731
-            if not self._news.wait_for(seen, timeout=PATIENCE):
-                raise AssertionError(f"never said {text!r}: {self.out}{self.err}")
+            if not self._line_read.wait_for(seen, timeout=PATIENCE):
+                raise AssertionError(f"it did not print {text!r}: {self.out}{self.err}")
 
     def interrupt(self):
         """Press Ctrl-C, and return its exit status."""
@@ -67,20 +67,20 @@ class Program:
         return code
 
     def kill(self):
-        """End it, whatever it does."""
+        """Kill it."""
         self._process.kill()
         self.end()
 
     def _read(self, name, stream):
         with stream:
             for line in stream:
-                with self._news:
+                with self._line_read:
                     self._lines[name].append(_STAMP.sub("[T]", line))
-                    self._news.notify_all()
+                    self._line_read.notify_all()
 
 
 def domain_in(folder):
-    """The variables of programs that see only each other, and run the same code as the tests."""
+    """The environment variables of programs that see only each other and use this checkout."""
     runtime = folder / "run"
     runtime.mkdir(mode=0o700)
     return {

@@ -1,4 +1,4 @@
-"""Programs as courses teach them and students hand them in: each prints what it prints on ROS 2."""
+"""Programs from courses and of students print the same as on ROS 2."""
 
 import sys
 
@@ -30,7 +30,7 @@ class Adder(Node):
 """
 
 PROGRAMS = {
-    "a robot whose control loop spins its own executor until a service has answered": (
+    "a robot whose timer callback spins its executor until a response arrives": (
         """
 class Robot(Node):
     def __init__(self):
@@ -65,7 +65,7 @@ finally:
 """,
         "42\nstopping\n",
     ),
-    "a server that spins its node until a topic has told it what it waits for": (
+    "a server that spins its node until a message arrives": (
         """
 class Waiter(Node):
     def __init__(self):
@@ -137,7 +137,7 @@ print(task.result())
 """,
         "begin 3\nbegin 1\nend 1\nend 3\n[3, 1]\n",
     ),
-    "a menu whose choices are calls that nobody waits for": (
+    "a menu that calls services and does not wait for the responses": (
         """
 rclpy.init()
 node = rclpy.create_node("menu")
@@ -149,7 +149,7 @@ rclpy.shutdown()
 """,
         "sent\nsent\n",
     ),
-    "a call that its timer gives up": (
+    "a call that a timer cancels": (
         """
 class Impatient(Node):
     def __init__(self):
@@ -179,7 +179,7 @@ except SystemExit:
 """,
         "result None\ngiven up True\n",
     ),
-    "nodes in a context of their own, beside the default one": (
+    "a node in a second context, beside the default context": (
         """
 import threading
 rclpy.init()
@@ -199,7 +199,7 @@ print(context.ok(), rclpy.ok())
 """,
         "True std_srvs.srv.SetBool_Response(success=False, message='')\nFalse True\n",
     ),
-    "a manager that leads a lifecycle node by its service": (
+    "a manager that changes the state of a lifecycle node through its service": (
         """
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -234,7 +234,7 @@ for number in (Transition.TRANSITION_CONFIGURE, Transition.TRANSITION_ACTIVATE):
 
 
 @pytest.mark.parametrize("name", PROGRAMS)
-def test_it_prints_the_same_here(run, name):
+def test_course_program_prints_the_same_as_on_ros(run, name):
     source, out = PROGRAMS[name]
     assert run(HEAD + source, 0, 1) == (0, out, "")
 
@@ -277,7 +277,7 @@ rclpy.spin_once(panel, timeout_sec=5)
 """
 
 
-def test_a_panel_of_leds_with_interfaces_of_its_own(run, tmp_path):
+def test_program_with_own_interfaces_uses_them_in_messages_services_and_parameters(run, tmp_path):
     for file, text in {
         "msg/Leds.msg": "int64[] leds\n",
         "srv/SetLed.srv": "int64 number\nint64 state\n---\nLeds panel\n",
@@ -295,7 +295,7 @@ def test_a_panel_of_leds_with_interfaces_of_its_own(run, tmp_path):
     ]
 
 
-def test_a_service_beside_an_action_answers_and_the_missing_action_is_reported(run):
+def test_service_beside_an_action_responds_and_the_missing_action_is_reported(run):
     source = """
 from rclpy.action import ActionServer
 from example_interfaces.action import Fibonacci
@@ -325,7 +325,7 @@ node.actions.destroy()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C reaches the whole console there")
-def test_a_node_that_is_spun_by_the_import_of_its_module_answers(ros, run):
+def test_node_that_its_module_spins_at_import_responds(ros, run):
     server = ros(
         HEAD + "rclpy.init()\nnode = Adder()\nprint('ready')\nrclpy.spin(node)\n", name="s.py"
     )

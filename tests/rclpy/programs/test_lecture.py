@@ -1,4 +1,4 @@
-"""The lecture's listings run as they stand on its slides, and print what ROS 2 prints."""
+"""The programs on the slides of the lecture run unchanged, and print the same as on ROS 2."""
 
 import re
 from pathlib import Path
@@ -35,7 +35,7 @@ rclpy.shutdown()
 
 
 def listing(name):
-    """A program of the lecture, verbatim."""
+    """Return a program of the lecture, unchanged."""
     if not LECTURE.exists():
         pytest.skip("the lecture is not here")
     text = LECTURE.read_text(encoding="utf-8")
@@ -43,7 +43,7 @@ def listing(name):
 
 
 def snippet(name):
-    """A method of the lecture, indented as one of a class."""
+    """Return a method of the lecture, indented as in a class."""
     if not LECTURE.exists():
         pytest.skip("the lecture is not here")
     text = LECTURE.read_text(encoding="utf-8")
@@ -76,7 +76,7 @@ def test_a_client_waits_for_its_server(ros):
     assert client.err.endswith("[add_two_ints_client]: Result: 40 + 2 = 42\n")
 
 
-def test_a_client_that_is_started_wrongly_tells_its_usage(run):
+def test_client_without_arguments_prints_its_usage(run):
     assert run(listing("add_two_ints_client.py"))[:2] == (0, "Usage: ros2 run pkg client  \n")
 
 
@@ -111,7 +111,7 @@ def test_the_task_server_runs_four_tasks_by_priority(ros):
     assert "Traceback" not in client.err
 
 
-def test_the_timeout_snippet_gets_an_answer_or_gives_up_in_time(ros, run):
+def test_timeout_snippet_gets_a_response_or_returns_none_at_the_timeout(ros, run):
     source = SNIPPETS.replace("{method}", snippet("send_request_with_timeout"))
     call = "send_request_with_timeout(AddTwoInts.Request(a=1, b=2), timeout={})"
     source = source.replace("{call}", call)
@@ -124,7 +124,7 @@ def test_the_timeout_snippet_gets_an_answer_or_gives_up_in_time(ros, run):
     assert (code, out) == (0, "example_interfaces.srv.AddTwoInts_Response(sum=3)\n")
 
 
-def test_the_retry_snippet_gets_its_answer_at_once(ros, run):
+def test_retry_snippet_gets_a_response_at_the_first_attempt(ros, run):
     ros(listing("add_two_ints_server.py"), name="add_two_ints_server.py").wait_for("is ready")
     source = SNIPPETS.replace(
         "{method}", "import time\n\n    " + snippet("send_request_with_retry")

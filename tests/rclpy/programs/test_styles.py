@@ -1,4 +1,4 @@
-"""Programs written as people write them for ROS 2 run unchanged, whatever their style."""
+"""ROS 2 programs of all common styles run unchanged."""
 
 import os
 
@@ -32,7 +32,7 @@ rclpy.spin(Adder())
 
 @pytest.fixture(scope="module")
 def beside_an_adder(tmp_path_factory):
-    """The variables of programs that see an adder, which runs as long as this module's tests."""
+    """The environment variables of programs that see the server `adder`, which all tests share."""
     folder = tmp_path_factory.mktemp("adder")
     users = {name: value for name, value in os.environ.items() if not name.startswith("TASKRPC_")}
     variables = domain_in(folder)
@@ -76,7 +76,7 @@ with rclpy.init():
     rclpy.spin_until_future_complete(node, future, timeout_sec=5.0)
     print(future.result().sum)
 """,
-    "a loop of spin_once and done": """
+    "a loop of spin_once until the future is done": """
 rclpy.init(args=None)
 node = Node("caller")
 client = node.create_client(srv_type=AddTwoInts, srv_name="add")
@@ -232,7 +232,7 @@ rclpy.spin_until_future_complete(node, future)
 print(future.result().sum)
 rclpy.shutdown()
 """,
-    "parameters that say what to add": """
+    "parameters with the numbers to add": """
 rclpy.init(args=["--ros-args", "-p", "a:=1"])
 node = Node("caller")
 node.declare_parameter("a", 7)
@@ -255,7 +255,7 @@ def main(args=None):
             node = Node("caller")
             client = node.create_client(AddTwoInts, "add")
             if not client.wait_for_service(timeout_sec=5.0):
-                raise RuntimeError("nobody there")
+                raise RuntimeError("no server")
             future = client.call_async(Request(a=1, b=2))
             future.add_done_callback(lambda done: (print(done.result().sum), rclpy.shutdown()))
             rclpy.spin(node)
@@ -265,7 +265,7 @@ def main(args=None):
 
 main()
 """,
-    "a topic that tells the sum": """
+    "a topic with the sum": """
 from std_msgs.msg import Int64
 rclpy.init()
 node = Node("caller")
@@ -408,7 +408,7 @@ def test_a_server_in_each_style_answers_and_ends_with_ctrl_c(ros, run, style):
 
 
 @pytest.mark.usefixtures("adder")
-def test_a_server_that_is_started_twice_says_so_in_the_last_of_few_lines(run):
+def test_second_start_of_a_server_ends_with_a_line_that_names_the_first(run):
     code, out, err = run(SERVER, name="again.py")
     assert (code, out) == (1, "")
     assert len(err.splitlines()) <= 12

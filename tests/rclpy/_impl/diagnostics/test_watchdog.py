@@ -117,7 +117,7 @@ node.create_timer(0.01, slow)
 {other}
 rclpy.spin(node)
 """
-    assert told(run(HEAD + SOONER + source.format(other=""))[2]) == []  # it keeps nobody
+    assert told(run(HEAD + SOONER + source.format(other=""))[2]) == []  # it delays no callback
     other = "node.create_timer(0.1, lambda: None)"
     _, _, err = run(HEAD + SOONER + source.format(other=other))
     [line] = told(err)
@@ -187,7 +187,7 @@ client = node.create_client(AddTwoInts, "add")
 rclpy.spin_once(node, timeout_sec=0)
 for _ in range(2):
     future = client.call_async(REQUEST)
-    time.sleep(dog._LATE + 0.2)  # somebody types
+    time.sleep(dog._LATE + 0.2)  # as while the user types
     rclpy.spin_until_future_complete(node, future)
     print(future.result().sum)
 """
