@@ -22,7 +22,7 @@ class TaskServer:
         self.task_counter = 0
 
     def handle_task_request(self, request: Any, response: Any) -> Any:
-        """Queue a task and say so; nobody has to wait until the robot has arrived."""
+        """Queue a task and respond at once; the client does not wait for the robot."""
         if request.task_type not in SECONDS:
             response.success = False
             response.message = f"Invalid task: {request.task_type}; use {', '.join(SECONDS)}"

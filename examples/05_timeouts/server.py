@@ -19,7 +19,7 @@ async def scan(request: Any, response: Any) -> Any:
         await asyncio.sleep(SECONDS)  # stands for the turning laser
     except asyncio.CancelledError:
         # The caller's time is up. Tidy up (stop the motor), then let the cancellation go on.
-        print(f"call {call.number}: cancelled, nobody waits any more")
+        print(f"call {call.number}: cancelled, the caller waits no longer")
         raise
     print(f"call {call.number}: done")
     response.success, response.message = True, "the whole scan"

@@ -20,7 +20,7 @@ async def wait_async(request: Any, response: Any) -> Any:
 
 
 def wait_blocking(request: Any, response: Any) -> Any:
-    time.sleep(SECONDS)  # holds up whoever runs it: a driver's library, a long computation
+    time.sleep(SECONDS)  # blocks its thread, as a driver's library or a long computation does
     response.success = True
     return response
 
