@@ -1,4 +1,4 @@
-"""A class: the lecturer makes it, a laptop joins with one line, calls, and is revoked."""
+"""A class: the lecturer creates it; a laptop joins with one line, calls, and is revoked."""
 
 from __future__ import annotations
 

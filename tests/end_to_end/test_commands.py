@@ -82,7 +82,7 @@ class Home:
         )
 
     def run(self, *argv: str, stdin: str = "", **variables: str) -> tuple[int, str, str]:
-        """A command to its end: exit code, stdout, stderr, in the terminal's own encoding."""
+        """Run a command; returns exit code, stdout and stderr, in the terminal's encoding."""
         process = self.start("-m", *argv, **variables)
         out, err = process.communicate(stdin.encode(), PATIENCE)
         encoding = variables.get("PYTHONIOENCODING", "utf-8")
@@ -96,14 +96,14 @@ class Home:
 
 @pytest.fixture(scope="module")
 def home(tmp_path_factory):
-    """A home folder whose name is as awkward as real ones are."""
+    """A home folder whose name contains spaces and foreign letters."""
     made = Home(tmp_path_factory.mktemp("home") / f"Ahmad {ARABIC} caf\u00e9")
     yield made
     made.close()
 
 
 def recorded(command: str) -> tuple[int, str]:
-    """Exit code and output of a command in the transcript of real ROS 2."""
+    """Return the exit code and the output of a command in the transcript of real ROS 2."""
     if not TRANSCRIPT.is_file():
         pytest.skip("the transcript of real ROS 2 is not at hand")
     found = re.search(
@@ -137,13 +137,13 @@ GOLDEN = [
 
 @pytest.mark.parametrize("argv", GOLDEN, ids=" ".join)
 def test_output_begins_like_that_of_ros2(home, argv, monkeypatch, capsys):
-    """In this process, for speed: the other tests show that processes behave alike."""
+    """The command runs in the process of the tests, for speed: other tests start processes."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", home.environment["XDG_RUNTIME_DIR"])
     code, expected = recorded(" ".join(["ros2", *argv]))
     assert main(argv) == code
     out, err = capsys.readouterr()
     assert (out + err).startswith(expected)
-    assert out in ("", expected), "what ours adds goes to stderr"
+    assert out in ("", expected), "lines that only taskrpc prints go to stderr"
 
 
 def test_taskrpc_call_prints_like_ros2_service_call(home):

@@ -31,9 +31,9 @@ ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
 FOLDERS = sorted(path.name for path in EXAMPLES.iterdir() if path.name[:1].isdigit())
 SCRIPTS = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]["scripts"]
-PATIENCE = 60.0  # seconds until a program is said to hang; reached only by a failing test
+PATIENCE = 60.0  # seconds; reached only by a failing test
 
-# The READMEs show leisurely programs; these arguments make them quick.
+# The READMEs show slow programs; these arguments make them quick.
 QUICK = {
     "examples/03_robot_task/task_server.py": ["100"],
     "examples/04_sync_and_async/server.py": ["0.2"],
@@ -43,7 +43,7 @@ QUICK = {
     "examples/07_concurrent_requests/server.py": ["0.06"],
     "taskrpc-server": ["--speed", "100", "--fresh"],
 }
-# Where requests run at the same time, lines may change places.
+# Requests that run at the same time may print their lines in any order.
 UNORDERED = {"04_sync_and_async"}
 
 
@@ -59,7 +59,7 @@ class Scene:
 
 @dataclass
 class Outcome:
-    """What really happened in a scene."""
+    """The recorded results of a scene."""
 
     printed: list[str]
     beside: list[str]
@@ -131,7 +131,7 @@ def private_network():
 
 
 class Running:
-    """A program in the background, as in a terminal of its own."""
+    """A program in the background, as in another terminal."""
 
     def __init__(self, argv, *, cwd, env):
         descriptor, name = tempfile.mkstemp(dir=env["OUTPUTS"])
@@ -162,7 +162,7 @@ class Running:
         return self.text()
 
     def press_ctrl_c(self):
-        # Windows can send a process of another group only Ctrl-Break, which programs take alike.
+        # Windows can send a process of another group only Ctrl-Break; programs handle it alike.
         key = signal.CTRL_BREAK_EVENT if os.name == "nt" else signal.SIGINT
         self.process.send_signal(key)
         return self.process.wait(PATIENCE)
@@ -234,7 +234,7 @@ def outcomes_of():
 
 
 def plain(text):
-    """Text without what differs from run to run: figures, numbers of processes, places."""
+    """Return text without the parts that differ between runs: figures, process ids, paths."""
     for pattern, replacement in (
         (r"\\", "/"),  # in paths of Windows
         (r"127\.0\.0\.1:\d+", "HOST:PORT"),

@@ -39,7 +39,7 @@ atexit.register(lambda: print(*sys.modules, file=sys.stderr))
 
 
 def imported(program: str, *arguments: str) -> set[str]:
-    """The modules that a new process has imported at its successful end."""
+    """Return the modules that a new process has imported when it ends successfully."""
     root = Path(taskrpc.__file__).parents[1]
     before = f"import sys; sys.path.insert(0, {str(root)!r})"
     done = subprocess.run(
@@ -59,7 +59,7 @@ def command(module: str, *arguments: str) -> set[str]:
 
 
 def needless(modules: set[str], unwanted: str) -> list[str]:
-    """The unwanted modules, or parts of them, that are among these."""
+    """Return which of these modules are unwanted, or are parts of unwanted ones."""
     names = unwanted.split()
     return sorted(
         one for one in modules if any(one == name or one.startswith(f"{name}.") for name in names)

@@ -1,4 +1,4 @@
-"""Topics between real programs: killed and started again, by address, with a secret, in threads."""
+"""Topics between real programs: after a kill and restart, by address, and with a token."""
 
 import os
 import subprocess

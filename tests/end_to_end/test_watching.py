@@ -1,4 +1,4 @@
-"""What an operator sees of a running `taskrpc-server`: its log, its pages, and what it refuses."""
+"""Monitoring of a running `taskrpc-server`: its log, its pages, and its refusals."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Watched:
         self.lines = []
 
     def until(self, text):
-        """The lines up to the first that has this text, and that line."""
+        """Return the lines up to the first line with this text, and that line."""
         for line in self.process.stderr:
             self.lines.append(line.rstrip("\n"))
             if text in line:
