@@ -67,8 +67,9 @@ def pytest_ignore_collect(collection_path, config):
 
 
 def pytest_configure():
-    """Programs that tests start hear Ctrl-C, even if a shell runs us where nobody can press it."""
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as of what a script starts with `&`
+    """Let programs that tests start get SIGINT, even if pytest runs in the background."""
+    # A script that starts a process with `&` lets it ignore SIGINT.
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
@@ -110,7 +111,7 @@ def _shared_bytecode(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def _empty_places(tmp_path_factory):
-    """Gives two empty folders: the same ones again for as long as nobody leaves anything in them.
+    """Return a function that gives two empty folders: the same ones while they stay empty.
 
     Most tests leave nothing, and to make and remove folders for each took seconds.
     """

@@ -175,7 +175,7 @@ async def submitting() -> int:
 
 
 class StandingRobot:
-    """Plans, and is never told to go."""
+    """A robot that only plans: no task starts."""
 
     speed = 1.0
     task_types = ("move",)
@@ -216,7 +216,7 @@ WORKS: dict[str, tuple[Callable[[], Awaitable[int]], int]] = {
 
 
 async def steps_of(work: Work) -> int:
-    """The function calls that begin while `work` runs, whoever makes them."""
+    """Count the function calls that begin while `work` runs, in all code."""
     count = 0
 
     def note(_frame: object, event: str, _argument: object) -> None:

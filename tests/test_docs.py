@@ -215,7 +215,7 @@ NOT_CONSTRUCTED = {
     "Subscription",
     "Timer",
 }
-"""Classes whose objects a user gets, or protocols; how they are made is nobody's business."""
+"""Protocols, and classes whose objects only taskrpc creates: their constructors are not public."""
 
 ERRORS = {name for name, value in vars(errors).items() if inspect.isclass(value) and name[0] != "_"}
 

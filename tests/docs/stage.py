@@ -29,7 +29,7 @@ _PATIENCE = 60.0
 _SETTLE = 0.1
 _ASK_STATUS = "echo $?"
 _SHOWN_PORT = "8642"
-"""The port that pages show; a free one takes its place, so that nobody is in another's way."""
+"""The port in the pages; tests replace it by a free port, so that they can run in parallel."""
 _SCRIPTS = {
     **tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"],
     "pytest": "pytest:main",

@@ -129,7 +129,7 @@ class Trial:
             await self.found(connection, call, "until a call into the hole was told")
 
     async def caller_gone(self):
-        """A caller whose machine fails: the server executes the call in vain."""
+        """A caller whose machine fails: the server executes the call, but its response is lost."""
         gate = Gate()
         async with self.node("server") as server, self.node("client") as node:
             server.create_service(Add, f"other_{self.profile}", gate)

@@ -40,7 +40,7 @@ class Load:
             # Calls that are still queued when the load ends are answered too, and do not count.
             self.counts["answered"] += asyncio.get_running_loop().time() < self.ends
         except taskrpc.TaskRpcError as error:
-            kind = "refused" if error.not_executed else "in vain"
+            kind = "refused" if error.not_executed else "failed"
             self.counts[kind] += 1
             self.counts["busy"] += isinstance(error, taskrpc.ServerBusy)
             if error.not_executed:
@@ -102,4 +102,4 @@ async def test_goodput_at_four_times_the_capacity_equals_the_peak(counts, large)
 async def test_load_within_capacity_is_answered_completely(counts):
     load = Load(counts, 2.0)
     await load.run(0.9, 30)
-    counts.check("refused", "in vain", "refused and run", happened=("answered",))
+    counts.check("refused", "failed", "refused and run", happened=("answered",))

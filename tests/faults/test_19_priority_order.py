@@ -1,5 +1,6 @@
-"""Promise 19: the robot takes tasks by priority, first come first served among equals, whoever
-submits, drops, moves, pauses and resumes at the same time.
+"""Promise 19: the robot takes tasks by priority, first come first served among equals.
+
+Meanwhile, clients submit, drop, move, pause and resume tasks at the same time.
 
 Each history of the callers' requests and responses, and of the robot's starts, must be
 linearizable: each request took effect at one instant between call and response, and at each

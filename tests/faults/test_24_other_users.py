@@ -17,7 +17,7 @@ IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 pytestmark = [
     pytest.mark.faults,
     pytest.mark.real_time,
-    pytest.mark.skipif(not IS_ROOT, reason="needs root, to become somebody else"),
+    pytest.mark.skipif(not IS_ROOT, reason="needs root, to become another user"),
 ]
 
 SERVER = """\

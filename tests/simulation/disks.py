@@ -107,7 +107,7 @@ class File:
         self.is_broken = True
         if self._chance.random() < 0.5:
             await write()
-        raise OutcomeUnknown("nobody knows whether it was stored")
+        raise OutcomeUnknown("it is unknown whether it was stored")
 
     def _check(self):
         if self.is_broken:

@@ -39,7 +39,7 @@ class SimulatedLoop(VirtualTimeLoop):
         for task, owner in self._owners.items():
             if owner == process:
                 task._log_destroy_pending = False
-                asyncio.tasks._unregister_task(task)  # nobody cancels the dead
+                asyncio.tasks._unregister_task(task)  # a dead process cancels no tasks
                 self._buried.append(task)  # else the collector of garbage would run its `finally`
         for handle in [*self._ready, *self._scheduled]:
             self._forget_if_killed(handle)
