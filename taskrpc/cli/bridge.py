@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import hmac
 import os
+import re
 import signal
 import sys
 
@@ -27,11 +28,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = f"the address for WebSockets ({_PLACE})"
     add("--listen", metavar="HOST:PORT", type=remote.place, default=_PLACE, help=what)
     what = "also let pages of this server connect, such as http://lab.local:8000; null for files"
-    add("--allow-origin", metavar="ORIGIN", action="append", default=[], help=what)
+    add("--allow-origin", metavar="ORIGIN", type=_origin, action="append", default=[], help=what)
     add("--token-file", metavar="FILE", help="a file with the token that other machines must send")
     add("--tls-cert", metavar="FILE", help="the certificate of this gateway (PEM)")
     add("--tls-key", metavar="FILE", help="its key (PEM)")
     rosbridge.set_defaults(run=_rosbridge, connect=None, tls_ca=None)
+
+
+def _origin(text: str) -> str:
+    """Return a valid origin. Raises argparse's ArgumentTypeError."""
+    if text != "null" and not re.fullmatch(r"https?://[^/?#@\s]+", text, re.IGNORECASE):
+        problem = f"expected an origin such as http://lab.local:8000, got {text!r}"
+        raise argparse.ArgumentTypeError(problem)
+    return text
 
 
 def _rosbridge(options: argparse.Namespace) -> int:

@@ -128,6 +128,12 @@ class ServiceResponse(Operation, tag="service_response"):
     result: bool = True
 
 
+class SendActionGoal(Operation, tag="send_action_goal"):
+    """A goal for an action, which is refused: actions do not exist yet."""
+
+    action: _Name
+
+
 class SetLevel(Operation, tag="set_level"):
     """The least severe statuses that the client wants."""
 
@@ -155,6 +161,7 @@ _Any = (
     | AdvertiseService
     | UnadvertiseService
     | ServiceResponse
+    | SendActionGoal
     | SetLevel
     | Fragment
 )

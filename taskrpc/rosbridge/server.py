@@ -13,6 +13,7 @@ from aiohttp import WSCloseCode, WSMsgType, web
 from taskrpc.node import Node
 from taskrpc.rosbridge import protocol
 from taskrpc.rosbridge.session import Bridge, Session
+from taskrpc.transport.limits.keepalive import drop_dead_peers
 
 log = logging.getLogger("taskrpc.rosbridge")
 
@@ -22,8 +23,12 @@ _RECEIVE_LIMIT = 2 * protocol.MAX_MESSAGE
 """Bytes of a message above which the connection is closed instead of sending an error status."""
 _BEHIND = 1_000_000
 """Characters that wait to be sent above which a client gets only the newest message of a topic."""
-_MAX_UNREAD = 64_000_000
+_MAX_UNREAD = 32_000_000
 """Unread bytes above which the connection of a client is closed."""
+_SILENCE, _DEAD_AFTER = 20.0, 60.0
+"""Seconds without a byte after which the kernel probes a client, and seconds without an
+acknowledgement after which it ends the connection. Pings of WebSocket would be shorter, but some
+clients answer them only while their program waits for a message."""
 _CLOSE_TIMEOUT = 1.0
 """Seconds for a client to confirm that the connection ends."""
 
@@ -86,6 +91,8 @@ class _ClientConnection:
     ) -> None:
         self._socket = socket
         self._transport = request.transport
+        if (sock := request.get_extra_info("socket")) is not None:
+            drop_dead_peers(sock, _SILENCE, _DEAD_AFTER)
         self._peer = request.remote or "a client"
         self._session = Session(bridge, self._send, lambda: self._waiting_size > _BEHIND)
         self._waiting: deque[str] = deque()

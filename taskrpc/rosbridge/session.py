@@ -31,6 +31,8 @@ MAX_SERVICES = 64
 _MAX_TIMEOUT = 86_400.0
 """The longest deadline of a call, in seconds."""
 
+_ABORTED = 6
+"""The status of a failed goal in `action_msgs/msg/GoalStatus`."""
 _REMEMBERED = 10.0
 """Seconds for which the types of topics are remembered, as in rosbridge_suite."""
 
@@ -101,6 +103,7 @@ class Session:
             protocol.AdvertiseService: self._advertise_service,
             protocol.UnadvertiseService: self._unadvertise_service,
             protocol.ServiceResponse: self._service_response,
+            protocol.SendActionGoal: self._refuse_goal,
             protocol.SetLevel: self._set_level,
         }
 
@@ -204,6 +207,12 @@ class Session:
         size = protocol.count_of(operation.fragment_size, 0, 2**31)
         for part in protocol.split(text, size, f"response:{operation.id}"):
             self._send_text(part)
+
+    async def _refuse_goal(self, operation: protocol.SendActionGoal) -> None:
+        # Not a status: clients wait for the result.
+        result = {"status": _ABORTED, "values": "actions are not supported", "result": False}
+        known = {} if operation.id is None else {"id": operation.id}
+        self._send({"op": "action_result", "action": operation.action, **known, **result})
 
     # Services that the client offers
 

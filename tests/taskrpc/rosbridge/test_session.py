@@ -194,3 +194,11 @@ async def test_long_response_is_sent_in_fragments():
         await client.send("call_service", service="/tell", fragment_size=200)
         await client.next(op="fragment", num=0)
         await client.next(op="fragment", num=2, total=3)
+
+
+async def test_goal_of_an_action_is_refused_with_a_result():
+    async with connected() as (_, client):
+        await client.send("send_action_goal", id="g", action="/dock", action_type="x/Dock", args={})
+        result = await client.next()
+        assert (result["op"], result["id"], result["result"]) == ("action_result", "g", False)
+        assert result["values"] == "actions are not supported"
