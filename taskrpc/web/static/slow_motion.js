@@ -172,9 +172,14 @@ export class SlowMotion {
   travel(group, line, x, y, end) {
     const length = Math.hypot(end[0] - x, end[1] - y);
     const dot = drawn("circle", { class: "travels", r: 5 });
+    const head = line.getAttribute("marker-end");
+    line.removeAttribute("marker-end"); // the head appears when the message arrives
     group.append(dot);
     line.animate([{ strokeDasharray: `0 ${length}` }, { strokeDasharray: `${length} 0` }], { duration: 700, easing: "ease-out" });
-    dot.animate([{ transform: `translate(${x}px, ${y}px)` }, { transform: `translate(${end[0]}px, ${end[1]}px)` }], { duration: 700, easing: "ease-out" }).onfinish = () => dot.remove();
+    dot.animate([{ transform: `translate(${x}px, ${y}px)` }, { transform: `translate(${end[0]}px, ${end[1]}px)` }], { duration: 700, easing: "ease-out" }).onfinish = () => {
+      dot.remove();
+      if (head) line.setAttribute("marker-end", head);
+    };
     animate(group.querySelector("text"), [{ opacity: 0 }, { opacity: 0 }, { opacity: 1 }], 500);
   }
 }
