@@ -178,8 +178,11 @@ class CallLog(Observer):
         self._skipped += len(self._ended) == MAX_CALLS
         self._ended.append(shown)
 
-    def event(self, now: float) -> CallsEvent | None:
-        """Return the calls since the last event, None if nothing has changed."""
+    def event(self, now: float, *, always: bool = False) -> CallsEvent | None:
+        """Return the calls since the last event, None if nothing has changed.
+
+        With `always` there is an event in any case: a page that opens needs the statistics.
+        """
         slow = [each for each in self._open.values() if self._is_due(each, now)]
         for each in slow:
             each.is_shown = True
@@ -191,7 +194,7 @@ class CallLog(Observer):
         skipped, stats = self._skipped + surplus, self._statistics(now)
         self._ended.clear()
         self._skipped = 0
-        if not shown and stats == self._stats:
+        if not (shown or always) and stats == self._stats:
             return None
         self._stats = stats
         return CallsEvent([msgspec.json.encode(each) for each in shown[surplus:]], skipped, stats)

@@ -285,8 +285,8 @@ class LiveCalls(Protocol):
     is_active: bool
     """Whether pages are open, so that details of calls are kept."""
 
-    def event(self, now: float) -> CallsEvent | None:
-        """Return the calls since the last event, None if nothing has changed."""
+    def event(self, now: float, *, always: bool = False) -> CallsEvent | None:
+        """Return the calls since the last event, None if nothing has changed; not with `always`."""
 
 
 class LiveGraph(Protocol):
@@ -365,6 +365,7 @@ class Live:
         """Publish all states now, and their changes from now on."""
         self._tasks = LiveTasks(self._manager)
         self._seen.clear()
+        self._ticks = 0
         if self._calls is not None:
             self._calls.is_active = True
         self._publish()
@@ -397,7 +398,7 @@ class Live:
         events: list[Event | CallsEvent] = [*self._tasks.events(now, self._wall_clock())]
         self._ticks += 1
         if self._calls is not None and self._ticks % CALLS_TICKS == 1:
-            calls = self._calls.event(now)
+            calls = self._calls.event(now, always=self._ticks == 1)
             events += [] if calls is None else [calls]
         self._stream.publish(events)
 

@@ -89,6 +89,7 @@ def test_server_that_cannot_start_is_reported(monkeypatch, capsys, opened):
 
 
 @pytest.mark.real_time
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send Ctrl-C to one process")
 def test_without_a_server_it_starts_one_and_ends_it(tmp_path):
     command = [sys.executable, "-m", "taskrpc", "view", "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as viewing:

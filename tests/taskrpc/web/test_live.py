@@ -10,6 +10,7 @@ from taskrpc.robot import KinematicRobot, default_world
 from taskrpc.tasks import MemoryStore
 from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.web import live
+from taskrpc.web.calls import CallLog
 from taskrpc.web.live import Live, LiveTasks, map_json, task_json, whole_task_json
 from taskrpc.web.streams import LiveStream
 from tests.taskrpc.tasks.fakes import LineRobot
@@ -337,3 +338,13 @@ async def test_failure_of_one_part_is_logged_and_the_page_goes_on(manager, caplo
     assert "the live page cannot show the nodes" in caplog.text
     assert caplog.text.count("ZeroDivisionError: division") == 1
     tab.close()
+
+
+async def test_each_first_page_gets_the_statistics_of_calls(manager):
+    stream = LiveStream()
+    Live(manager, stream, dict, calls=CallLog())
+    for _ in range(2):
+        tab, states = stream.open(Connection())
+        assert dict(read(states))["calls"]["stats"]["total"] == 0
+        tab.close()
+        await asyncio.sleep(5)
