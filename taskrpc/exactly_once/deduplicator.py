@@ -212,7 +212,7 @@ class Deduplicator:
     def _store_failed(self, execution: Execution, error: BaseException) -> None:
         fields = log_fields(execution)
         if isinstance(error, TaskRpcError) and not isinstance(error, OutcomeUnknown):
-            log.error("%s cannot store what it did: %s", execution.service, error, extra=fields)
+            log.error("%s cannot store a result: %s", execution.service, error, extra=fields)
             self.undone(execution, HandlerFailed(Code.UNAVAILABLE, text_for_callers(error)))
             return
         if not isinstance(error, OutcomeUnknown):  # the effect may or may not be stored

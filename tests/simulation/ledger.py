@@ -41,7 +41,7 @@ PROMISES = (
     "ran on after the deadline",
     "ran without the right",
     "waited beyond the deadline",
-    "waited for nobody",
+    "waited without a server",
     "heard late of a crash",
     "lost in a drain",
     "heard twice",
@@ -254,7 +254,7 @@ class Ledger:
     def _failure(self, request: Request, error) -> str:
         is_late = self._loop.time() > request.asked + LATE
         if request.kind == "nowhere" and request.is_sent_once and is_late:
-            self.broke("waited for nobody", request.number)
+            self.broke("waited without a server", request.number)
         if error.not_executed is not False:
             return UNTOUCHED if error.not_executed else UNKNOWN
         if not request.fails or INSIDE in str(error):
