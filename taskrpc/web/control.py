@@ -133,12 +133,16 @@ class Control:
             fields = msgspec.json.decode(body or b"{}")
         except (msgspec.DecodeError, UnicodeDecodeError) as error:
             raise RequestError(400, f"expected a JSON object: {error}") from None
+        except RecursionError:
+            raise RequestError(400, "expected a JSON object with fewer levels") from None
         if not isinstance(fields, dict):
             raise RequestError(400, f"expected a JSON object, got {type(fields).__name__}")
         try:
             return srvgen.from_builtins(self._types[verb].Request, fields)
         except srvgen.FieldError as error:
             raise InvalidRequest(error.path, error.problem) from None
+        except RecursionError:
+            raise RequestError(400, "expected a JSON object with fewer levels") from None
 
     async def _call(self, verb: str, request: Any, token: str) -> Any:
         caller = await self._caller(token)

@@ -93,7 +93,8 @@ class Guard:
         """Return why a request is refused, None if it is accepted."""
         methods = ("POST",) if access is Access.CONTROL else ("GET", "HEAD")
         if head.method not in methods:
-            return Refusal(405, f"only {' and '.join(methods)} are answered here")
+            verb = "is" if access is Access.CONTROL else "are"
+            return Refusal(405, f"only {' and '.join(methods)} {verb} answered here")
         if len(head.hosts) != 1:
             return Refusal(400, f"expected one Host header, got {len(head.hosts)}")
         host = head.hosts[0].lower()

@@ -212,9 +212,12 @@ class WebServer:
     async def _controlled(self, request: web.BaseRequest, head: Head, live: LivePage) -> Page:
         holder = self._guard.holder(head)
         assert holder is not None, "the guard has checked the token"
-        body = await request.content.read(MAX_BODY + 1)
-        while len(body) <= MAX_BODY and (more := await request.content.read(MAX_BODY + 1)):
-            body += more
+        body = b""
+        try:
+            while len(body) <= MAX_BODY and (more := await request.content.read(MAX_BODY + 1)):
+                body += more
+        except (web.RequestPayloadError, ValueError) as error:
+            return _problem("RequestError", f"the body cannot be read: {error}"[:200], 400)
         verb = request.path.removeprefix("/control/")
         return await live.control.answer(verb, request.content_type, body, holder)
 

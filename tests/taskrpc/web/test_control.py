@@ -121,6 +121,8 @@ async def test_account_may_do_only_what_its_role_allows(system):
     ("body", "problem"),
     [
         (b"{", "expected a JSON object"),
+        (b'{"task_type": ' + b"[" * 3000 + b"]" * 3000 + b"}", "expected"),
+        (b"[" * 30_000, "expected a JSON object"),
         (b"[1]", "expected a JSON object, got list"),
         (b"\xff", "expected a JSON object"),
         (b'{"priority": "x"}', "priority: expected int32, got 'x' (str)"),

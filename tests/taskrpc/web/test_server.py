@@ -409,6 +409,15 @@ async def test_control_without_its_token_changes_nothing(page):
     assert page.tasks.manager.is_paused
 
 
+async def test_body_that_cannot_be_decoded_is_refused_with_json(page, caplog):
+    headers = {"Content-Encoding": "gzip", "Content-Length": "8"}
+    status, _, text = await page.post("pause", b"no gzip!", **headers)
+    assert status == 400
+    assert json.loads(text)["error"] == "RequestError"
+    assert "Traceback" not in caplog.text
+    assert not page.tasks.manager.is_paused
+
+
 async def test_too_long_request_of_control_is_refused(page):
     status, _, text = await page.post("submit", " " * 100_000)
     assert status == 400
