@@ -15,6 +15,8 @@ FOLDER = Path(__file__).parent
 LIMIT = 120.0
 """Seconds that a client may take; most of them are its imports."""
 TALKER = """\
+import sys
+
 import rclpy
 from rclpy.node import Node
 from std_msgs.msg import String
@@ -28,8 +30,10 @@ class Talker(Node):
 
 
 rclpy.init()
+talker = Talker()
+print("talker is ready", file=sys.stderr, flush=True)
 try:
-    rclpy.spin(Talker())
+    rclpy.spin(talker)
 except rclpy.executors.ExternalShutdownException:
     pass
 """
@@ -67,8 +71,8 @@ def ports(tmp_path_factory):
             bridge = ["taskrpc", "bridge", "rosbridge", "--listen", "127.0.0.1:0"]
             process, place = started(bridge, "rosbridge at ws")
             processes.append(process)
-            talker = [sys.executable, "-m", "taskrpc", "run", str(folder / "talker.py")]
-            processes.append(subprocess.Popen(talker))
+            talker, _ = started(["taskrpc", "run", str(folder / "talker.py")], "talker is ready")
+            processes.append(talker)
             yield {"server": url.rpartition(":")[2], "bridge": place.rpartition(":")[2]}
         finally:
             for process in processes:
