@@ -4,13 +4,34 @@ import asyncio
 import json
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import srvgen
 from taskrpc.rosbridge import session
+from taskrpc.testing import VirtualTimeLoop
 from tests.taskrpc.rosbridge.clients import connected
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
 TRIGGER = srvgen.load("std_srvs/srv/Trigger")
+
+OPS = (
+    "advertise unadvertise publish subscribe unsubscribe call_service advertise_service"
+    " unadvertise_service service_response set_level fragment send_action_goal fly"
+).split()
+NAMES = ["/chatter", "/add", "/mine", "a b", "~/x", "//", "", "/rosapi/topics", "/rosapi/get_param"]
+TYPES = ["std_msgs/String", "std_srvs/Trigger", "example_interfaces/AddTwoInts", "no/Type", "../x"]
+VALUES = [None, -1, 2**70, 1.5, float("nan"), "", "x" * 600, [], [1], {}, {"data": "x"}, {"a": 1}]
+ANY = st.sampled_from(VALUES + NAMES + TYPES)
+OPERATIONS = st.fixed_dictionaries(
+    {"op": st.sampled_from(OPS)},
+    optional={
+        **{name: st.sampled_from(NAMES) | ANY for name in ("topic", "service")},
+        "type": st.sampled_from(TYPES) | ANY,
+        **dict.fromkeys("id msg args values timeout throttle_rate latch data".split(), ANY),
+        **dict.fromkeys("queue_length fragment_size num total level result".split(), ANY),
+    },
+)
 
 
 def add(request, response):
@@ -202,3 +223,19 @@ async def test_goal_of_an_action_is_refused_with_a_result():
         result = await client.next()
         assert (result["op"], result["id"], result["result"]) == ("action_result", "g", False)
         assert result["values"] == "actions are not supported"
+
+
+@given(st.lists(OPERATIONS, max_size=30))
+@settings(max_examples=25)
+def test_any_operations_leave_the_session_working(operations):
+    async def run():
+        async with connected() as (node, client):
+            node.create_service(ADD, "/add_two_ints", add)
+            for operation in operations:
+                await client.session.receive(json.dumps(operation))
+            told = [each["msg"] for each in client.sent if each["op"] == "status"]
+            assert not [each for each in told if each.endswith("it failed; see the log")]
+            assert (await client.call("/add_two_ints", [1, 1]))["op"] == "service_response"
+
+    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        runner.run(run())
