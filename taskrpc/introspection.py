@@ -11,7 +11,6 @@ import logging
 import time
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
 
-import srvgen
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import InvalidRequest, TaskRpcError
 from taskrpc.observer import Observer, Observers
@@ -116,12 +115,12 @@ def service_event(
     response: Any = None,
 ) -> Any:
     """Return the event of a step, by its name in ServiceEventInfo; `stamp` in ns since 1970."""
-    info_type = srvgen.load("service_msgs/msg/ServiceEventInfo")
     event = srv_type.Event()
-    event.info = info_type(
-        event_type=getattr(info_type, step), client_gid=gid, sequence_number=number
-    )
-    event.info.stamp.sec, event.info.stamp.nanosec = divmod(stamp, 10**9)
+    info = event.info
+    info.event_type = getattr(info, step)
+    info.client_gid = gid
+    info.sequence_number = number
+    info.stamp.sec, info.stamp.nanosec = divmod(stamp, 10**9)
     event.request = [] if request is None else [request]
     event.response = [] if response is None else [response]
     return event

@@ -37,6 +37,7 @@ _GROUPS = {
         "node": "List nodes and what they offer",
         "task": "Submit tasks to the robot and watch them",
         "view": "Open the live page of the task server in the browser",
+        "bag": "Record topics and calls, and play them again",
         "run": "Run a ROS 2 program without ROS",
         "bridge": "Connect browsers and other programs without taskrpc",
         "demo": "Watch a task server, three clients and a robot at work",
@@ -73,7 +74,6 @@ _OLD_NAMES = {"alias": ("shell", "configure_alias"), "leave": ("join", "configur
 _ELSEWHERE = {
     "launch": "start each program with its own taskrpc run",
     "action": "actions do not exist yet; services and topics do",
-    "bag": "nothing records messages; taskrpc topic echo --csv prints them",
     "lifecycle": "call the node's services, such as /NODE/change_state, with taskrpc service call",
     "component": "start each node with its own taskrpc run",
     "control": "there is no controller manager",
@@ -83,7 +83,7 @@ _ELSEWHERE = {
 }
 """Commands of ros2 that taskrpc does not have, and what to do instead."""
 
-_IN_FOLDERS = frozenset("classroom demo doctor param pkg service task top topic".split())
+_IN_FOLDERS = frozenset("bag classroom demo doctor param pkg service task top topic".split())
 """Commands of several modules: the module `command_line` of the folder has `configure`."""
 
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from taskrpc.cli.monitoring import Monitoring
     from taskrpc.node import Node
     from taskrpc.observer import Observer
+    from taskrpc.recording.run_recorder import RunRecorder
     from taskrpc.robot.protocol import Robot
     from taskrpc.tasks import SqliteStore, TaskServer
     from taskrpc.tasks.records.store import TaskStore
@@ -111,6 +112,8 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--keepalive", choices=["default", "robot"], help=found)
     web = "serve the live page there over HTTP, rosbridge, /health and /metrics"
     add("--web", metavar="HOST:PORT", type=remote.place, help=web)
+    record = "record the whole run to this new MCAP file; see taskrpc bag"
+    add("--record", metavar="FILE", help=record)
     levels = ["debug", "info", "warning", "error"]
     add("--log-level", choices=levels, default="info", help="what to log to stderr (info)")
     what = "the format of log lines: text as in ROS 2, or JSON for programs (text)"
@@ -150,10 +153,12 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
     """Serve until the process gets a signal; returns the signal's number."""
     from taskrpc.node import Node
     from taskrpc.program import stop_requested
+    from taskrpc.robot import KinematicRobot
     from taskrpc.tasks import SqliteStore, TaskServer
 
     access = remote.remote_of(options)
     monitoring = _monitoring(options, access)
+    recorder = _recorder(options)
     node = Node(
         "task_server",
         namespace="/",  # in a lab too: clients call /robot_task
@@ -162,7 +167,7 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
         token=access.token,
         accounts=options.accounts,
         keepalive=options.keepalive,
-        observer=_observer(options, monitoring),
+        observer=_observer(options, monitoring, recorder),
     )
     store = _store(options)
     async with stop_requested() as stopped, node, contextlib.AsyncExitStack() as stack:
@@ -171,15 +176,21 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
             started = _once_free
             if not await _claimed(store, stopped, partial(_say, options)):
                 return stopped.result()
+        made = robot()
+        if recorder is not None:
+            stack.push_async_callback(recorder.close)
+            if isinstance(made, KinematicRobot):
+                made.keep_journal(recorder.journal)
         server = TaskServer(
             node,
-            robot(),
+            made,
             monitoring.measured(store) if monitoring else store,
             queue_limit=options.queue_limit,
             share=options.share,
             settle=options.settle,
             join=options.join,
             introspection=options.introspection,
+            journal=recorder.journal if recorder is not None else None,
         )
         if monitoring is not None:  # before the start, so that monitors can watch a slow start
             pages = monitoring.web(server, node, options.class_folder)
@@ -188,6 +199,9 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
             _say(options, f"the live page is at {web.url}/")
         resumed = await started(lambda: server.start(fresh=options.fresh))
         _say(options, f"{resumed}")
+        if recorder is not None:
+            await recorder.follow(node, server)
+            _say(options, f"recording to {recorder.writer.path}")
         what = "/robot_task [my_robot_interfaces/srv/RobotTask]"
         _print(options, f"taskrpc-server ready: {what} at {node.address}")
         tune_for_long_run()
@@ -196,14 +210,27 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
     return number
 
 
-def _observer(options: argparse.Namespace, monitoring: Monitoring | None) -> Observer | None:
-    if not options.attendance:
-        return monitoring.observer if monitoring else None
-    from taskrpc.classroom.attendance import Attendance
+def _observer(
+    options: argparse.Namespace, monitoring: Monitoring | None, recorder: RunRecorder | None
+) -> Observer | None:
     from taskrpc.observer import Observers
 
-    attendance = Attendance(Path(options.attendance))
-    return Observers(monitoring.observer, attendance) if monitoring else attendance
+    observers: list[Observer] = [monitoring.observer] if monitoring else []
+    if options.attendance:
+        from taskrpc.classroom.attendance import Attendance
+
+        observers.append(Attendance(Path(options.attendance)))
+    if recorder is not None:
+        observers.append(recorder.calls)
+    return Observers(*observers) if len(observers) > 1 else next(iter(observers), None)
+
+
+def _recorder(options: argparse.Namespace) -> RunRecorder | None:
+    if not options.record:
+        return None
+    from taskrpc.recording.run_recorder import RunRecorder  # most servers record nothing
+
+    return RunRecorder(options.record)
 
 
 def _monitoring(options: argparse.Namespace, access: remote.Remote) -> Monitoring | None:

@@ -7,7 +7,8 @@ from functools import lru_cache
 
 import msgspec
 
-from taskrpc.robot.course import Course
+from taskrpc.robot.course import Course, Standing
+from taskrpc.robot.journal import JournaledCourse, RobotJournal
 from taskrpc.robot.kinematics import Limits, Motion, Point
 from taskrpc.robot.protocol import Plan, Pose, RobotStopped
 from taskrpc.robot.world import World
@@ -17,7 +18,8 @@ SCAN_BEAMS = 360
 SCAN_RANGE = 12.0
 """Metres; a longer range is reported as this one."""
 
-_WORK_SECONDS = {"move": 0.0, "scan": 3.0, "report": 1.0}  # after the drive, as in the lecture
+WORK_SECONDS = {"move": 0.0, "scan": 3.0, "report": 1.0}
+"""Robot seconds of work after the drive, as in the lecture, by task type."""
 _REPORT_PERIOD = 0.1  # real seconds
 _REMEMBERED_PLANS = 4096
 
@@ -43,7 +45,7 @@ class KinematicRobot:
         ValueError: `speed` is not a positive number, or the robot cannot stand at `start`.
     """
 
-    task_types: Sequence[str] = tuple(_WORK_SECONDS)
+    task_types: Sequence[str] = tuple(WORK_SECONDS)
 
     def __init__(
         self,
@@ -68,6 +70,11 @@ class KinematicRobot:
         self._waker: asyncio.Future[bool] | None = None
         self._last_end = self._last_return = -math.inf  # robot seconds on the loop's clock
         self._remembered_plan = lru_cache(_REMEMBERED_PLANS)(self._plan)
+
+    def keep_journal(self, journal: RobotJournal) -> None:
+        """Pass each step of the motion to `journal`, for a recording; call it before any task."""
+        start, dock = self._course.standing.pose, self.world.dock
+        self._course = JournaledCourse(start, dock, self._limits, self.world, journal)
 
     def plan(self, task_type: str, target: str, start: Pose) -> Plan:
         """Return exactly how long the task takes and where it ends; see `Robot.plan`."""
@@ -132,23 +139,17 @@ class KinematicRobot:
         self._course.clear()
 
     def _task(self, task_type: str, target: str, start: Pose) -> tuple[Motion, float]:
-        if task_type not in _WORK_SECONDS:
-            raise ValueError(f"unknown task {task_type!r}: expected {', '.join(_WORK_SECONDS)}")
+        if task_type not in WORK_SECONDS:
+            raise ValueError(f"unknown task {task_type!r}: expected {', '.join(WORK_SECONDS)}")
         waypoints = self.world.way((start.x, start.y), target)
-        return Motion(start, waypoints, self._limits), _WORK_SECONDS[task_type]
+        return Motion(start, waypoints, self._limits), WORK_SECONDS[task_type]
 
     def _plan(self, task_type: str, target: str, start: Pose) -> Plan:
         motion, work = self._task(task_type, target, start)
         return Plan(motion.duration + work, motion.end)
 
     def _result(self, task_type: str, distance: float) -> dict[str, object]:
-        standing = self._course.standing
-        pose = msgspec.structs.asdict(standing.pose)
-        if task_type == "scan":
-            return {"pose": pose, **_scan(self.world, standing.pose)}
-        if task_type == "report":
-            return {"pose": pose, "battery": standing.battery, "odometer": standing.odometer}
-        return {"pose": pose, "distance": distance}
+        return task_result(task_type, self.world, self._course.standing, distance)
 
     def _now(self) -> float:
         """Return the robot seconds on the loop's clock; 0.0 before the first task."""
@@ -216,6 +217,18 @@ class KinematicRobot:
 def _wake(waker: asyncio.Future[bool]) -> None:
     if not waker.done():
         waker.set_result(True)
+
+
+def task_result(
+    task_type: str, world: World, standing: Standing, distance: float
+) -> dict[str, object]:
+    """Return the result of a completed task; see `KinematicRobot.execute`."""
+    pose = msgspec.structs.asdict(standing.pose)
+    if task_type == "scan":
+        return {"pose": pose, **_scan(world, standing.pose)}
+    if task_type == "report":
+        return {"pose": pose, "battery": standing.battery, "odometer": standing.odometer}
+    return {"pose": pose, "distance": distance}
 
 
 def _scan(world: World, pose: Pose) -> dict[str, object]:

@@ -16,6 +16,7 @@ from taskrpc.robot.protocol import Pose, Robot, TargetError
 from taskrpc.tasks.model import EstimateChange, Task, TaskState
 from taskrpc.tasks.queue.estimate_log import DelayLog
 from taskrpc.tasks.queue.estimated_queue import EstimatedQueue
+from taskrpc.tasks.queue.journal import JournaledQueue, QueueJournal
 from taskrpc.tasks.queue.task_queue import TaskQueue
 from taskrpc.tasks.records.change_feed import ChangeFeed
 from taskrpc.tasks.records.repository import OnStored, TaskRepository, resolve_future
@@ -54,6 +55,8 @@ class TaskSettings(msgspec.Struct, frozen=True, kw_only=True):
     """How many ended tasks are remembered, besides the interrupted ones."""
     wall_clock: Callable[[], float] = time.time
     """Returns the time of day in seconds since 1970."""
+    journal: QueueJournal | None = None
+    """Takes each step of the queue, for a recording; None for no journal."""
 
 
 class TaskManager:
@@ -78,10 +81,9 @@ class TaskManager:
         """Announces every change to watchers."""
         self.repository = TaskRepository(store, self.change_feed, keep_ended=settings.keep_ended)
         """Every remembered task."""
-        self.queue = TaskQueue(self._robot_guard.plan, self._robot_guard.pose())
+        self._estimated_queue = self._make_queue(settings.journal)
+        self.queue = self._estimated_queue.queue
         """The queued tasks."""
-        tolerance = _TOLERANCE * max(1.0, self._robot_guard.speed)
-        self._estimated_queue = EstimatedQueue(self.queue, tolerance=tolerance)
         self._worker = Worker(
             self._robot_guard,
             self._estimated_queue,
@@ -89,6 +91,13 @@ class TaskManager:
             settle=settings.settle,
             wall_clock=settings.wall_clock,
         )
+
+    def _make_queue(self, journal: QueueJournal | None) -> EstimatedQueue:
+        plan, pose = self._robot_guard.plan, self._robot_guard.pose()
+        tolerance = _TOLERANCE * max(1.0, self._robot_guard.speed)
+        if journal is None:
+            return EstimatedQueue(TaskQueue(plan, pose), tolerance=tolerance)
+        return JournaledQueue(plan, pose, tolerance=tolerance, journal=journal)
 
     # Start and end
 
@@ -164,6 +173,11 @@ class TaskManager:
     def remaining(self) -> float:
         """Return the robot seconds until the running task ends; 0.0 while the robot is idle."""
         return self._worker.execution.remaining() if self._worker.execution else 0.0
+
+    @property
+    def speed(self) -> float:
+        """Robot seconds in a real second."""
+        return self._robot_guard.speed
 
     def pose(self) -> Pose:
         """Return the robot's pose, or its last known one."""

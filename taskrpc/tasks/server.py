@@ -29,6 +29,7 @@ from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.pages import page
 from taskrpc.tasks.permissions import ROLES, client_name, refuse_others_task, submitter
+from taskrpc.tasks.queue.journal import QueueJournal
 from taskrpc.tasks.records.repository import TaskCompletions
 from taskrpc.tasks.records.store import TaskStore
 from taskrpc.tasks.responses import Resumed, TaskMessages, TaskResponse
@@ -80,7 +81,7 @@ class TaskServer:
         join: whether to start although another server offers the same service.
         introspection: what the services publish about their calls; see
             `Node.configure_introspection`.
-        queue_limit, share, settle, keep_ended, wall_clock: see `TaskSettings`.
+        queue_limit, share, settle, keep_ended, wall_clock, journal: see `TaskSettings`.
     """
 
     def __init__(
@@ -97,6 +98,7 @@ class TaskServer:
         join: bool = False,
         introspection: IntrospectionState = "off",
         wall_clock: Callable[[], float] = time.time,
+        journal: QueueJournal | None = None,
     ) -> None:
         self._join = join
         self._introspection = introspection
@@ -107,6 +109,7 @@ class TaskServer:
             settle=settle,
             keep_ended=keep_ended,
             wall_clock=wall_clock,
+            journal=journal,
         )
         self.manager = TaskManager(robot, store, settings)
         """The tasks; for programs that work with them without a network."""

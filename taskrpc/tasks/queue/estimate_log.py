@@ -56,6 +56,11 @@ class DelayLog:
         self._next += 1
         self._may_merge = True
 
+    @property
+    def next_number(self) -> int:
+        """The number of the next event; unlike `mark`, the last event may still grow."""
+        return self._next
+
     def mark(self) -> int:
         """Return the number of the next event; no earlier event changes after this."""
         self._may_merge = False

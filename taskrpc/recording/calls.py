@@ -1,0 +1,168 @@
+"""The calls of a recording: each request with its response, from the events of services.
+
+`taskrpc-server --record` also writes a line about each call's end to `CALLS_TOPIC`: the name of the
+client, the error, the duration. Other recordings have only the events.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+import srvgen
+from taskrpc.errors import TaskRpcError
+from taskrpc.introspection import SUFFIX
+from taskrpc.recording.mcap_file import JSON, Message, Recording, Topic
+from taskrpc.recording.player import playable_class
+from taskrpc.recording.schemas import is_event
+
+CALLS_TOPIC = "/taskrpc/calls"
+"""The topic with a `CallEnd` for each call, as JSON."""
+_OK = "OK"
+_MOST_TEXT = 80
+"""Characters of a request's or response's text."""
+
+
+class CallEnd(msgspec.Struct, omit_defaults=True):
+    """The end of a call, as the server saw it."""
+
+    number: int
+    """Counts the calls of the server; the sequence number of the call's events."""
+    service: str
+    client: str
+    began: float
+    """Seconds since 1970."""
+    ms: float
+    """Milliseconds from the arrival of the request to the response."""
+    code: str = _OK
+    """The name of the error code; `OK` for a response."""
+    account: str = ""
+    deadline_ms: float | None = None
+    """Milliseconds that the caller gave; None: no deadline."""
+    task_id: int | None = None
+    """The task that the call was about."""
+
+
+class RecordedCall(msgspec.Struct):
+    """One call of a service."""
+
+    service: str
+    number: int
+    begin: float
+    """Seconds since 1970."""
+    client: str = ""
+    """The client's name; `client 1` if the recording does not say it."""
+    account: str = ""
+    ms: float | None = None
+    """None if the recording has no end of the call."""
+    code: str = ""
+    """The name of the error code; "" without an error."""
+    deadline_ms: float | None = None
+    task_id: int | None = None
+    request: str = ""
+    """Its fields as `name=value`, cut."""
+    response: str = ""
+
+    @property
+    def state(self) -> str:
+        """`open`, `ok` or `error`."""
+        return "error" if self.code else "open" if self.ms is None else "ok"
+
+
+class CallReader:
+    """Collects the calls from the messages of a recording, in the order of their begins."""
+
+    def __init__(self) -> None:
+        self.calls: list[RecordedCall] = []
+        self._open: dict[tuple[str, int, bytes], RecordedCall] = {}
+        self._of_server: dict[tuple[str, int], RecordedCall] = {}
+        """The same calls without the client's gid, for the lines about their ends."""
+        self._clients: dict[bytes, str] = {}
+        self._classes: dict[Topic, Any] = {}
+
+    def take(self, message: Message) -> RecordedCall | None:
+        """Take any message of the recording; returns the call that it concerns."""
+        topic = message.topic
+        if topic.name == CALLS_TOPIC and topic.encoding == JSON:
+            return self._take_end(msgspec.json.decode(message.data, type=CallEnd))
+        if is_event(topic.type_name):
+            return self._take_event(message)
+        return None
+
+    def _take_end(self, end: CallEnd) -> RecordedCall:
+        call = self._of_server.get((end.service, end.number))
+        if call is None:
+            call = self._add(RecordedCall(end.service, end.number, end.began))
+        call.client, call.account, call.ms = end.client, end.account, end.ms
+        call.begin, call.deadline_ms, call.task_id = end.began, end.deadline_ms, end.task_id
+        call.code = "" if end.code == _OK else end.code
+        return call
+
+    def _take_event(self, message: Message) -> RecordedCall | None:
+        event = self._decoded(message)
+        if event is None:
+            return None
+        info, service = event.info, message.topic.name.removesuffix(SUFFIX)
+        gid, time = bytes(info.client_gid), info.stamp.sec + info.stamp.nanosec / 1e9
+        key = service, info.sequence_number, gid
+        call = self._open.get(key)
+        if call is None:
+            client = self._clients.setdefault(gid, f"client {len(self._clients) + 1}")
+            call = self._add(RecordedCall(service, info.sequence_number, time, client))
+            self._open[key] = call
+        if info.event_type in (info.REQUEST_SENT, info.REQUEST_RECEIVED):
+            call.request = call.request or _text(event.request)
+        else:
+            call.response = call.response or _text(event.response)
+            call.ms = (time - call.begin) * 1e3
+        return call
+
+    def _add(self, call: RecordedCall) -> RecordedCall:
+        self.calls.append(call)
+        self._of_server[call.service, call.number] = call
+        return call
+
+    def _decoded(self, message: Message) -> Any:
+        if message.topic not in self._classes:
+            try:
+                self._classes[message.topic] = playable_class(message.topic)
+            except (srvgen.DefinitionError, TaskRpcError):
+                self._classes[message.topic] = None
+        cls = self._classes[message.topic]
+        try:
+            return None if cls is None else srvgen.from_cdr(cls, message.data)
+        except srvgen.CdrError:
+            return None
+
+
+def calls_of(recording: Recording) -> list[RecordedCall]:
+    """Return the calls of a recording, in the order of their begins."""
+    reader = CallReader()
+    for message in recording.messages(keep=is_about_calls):
+        reader.take(message)
+    return sorted(reader.calls, key=lambda call: call.begin)
+
+
+def is_about_calls(topic: Topic) -> bool:
+    """Return whether a topic tells about calls."""
+    return topic.name == CALLS_TOPIC or is_event(topic.type_name)
+
+
+def _text(messages: Any) -> str:
+    """Return the fields of the only message of an event; "" for an event without contents."""
+    if not messages:
+        return ""
+    fields = srvgen.to_builtins(messages[0])
+    text = " ".join(f"{name}={_shown(value)}" for name, value in fields.items())
+    return text if len(text) <= _MOST_TEXT else text[: _MOST_TEXT - 1] + "…"
+
+
+def _shown(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:.4g}"
+    if isinstance(value, list) and value:
+        return f"[{len(value)} values]"
+    return str(value)

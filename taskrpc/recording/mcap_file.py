@@ -1,0 +1,319 @@
+"""Recording files: MCAP as rosbag2 writes it, without chunks.
+
+Every message is handed to the operating system at once. So a recorder that is killed loses at most
+the message that it was writing; chunks would lose up to a megabyte. `read` reads what is there: of
+finished and of unfinished files, with and without chunks, also those of rosbag2.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import msgspec
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.qos import QoS
+
+try:
+    from mcap import records
+    from mcap.exceptions import EndOfFile
+    from mcap.stream_reader import StreamReader
+    from mcap.writer import CompressionType, Writer
+except ModuleNotFoundError as error:
+    if error.name and not error.name.startswith("mcap"):
+        raise
+    raise TaskRpcError("recordings need mcap: pip install 'taskrpc[record]'") from None
+
+CDR = "cdr"
+"""The encoding of ROS messages."""
+JSON = "json"
+"""The encoding of the task server's decisions."""
+_SCHEMA = "ros2msg"
+_QOS = "offered_qos_profiles"
+_FOREVER = "{sec: 9223372036, nsec: 854775807}"
+_RECORD_LIMIT = 2**30
+"""Bytes of one record; a larger length is read only in a damaged file."""
+_LATEST = 2**63 - 1
+"""Nanoseconds since 1970; a later time is read only in a damaged file."""
+
+
+class RecordingError(TaskRpcError):
+    """A file is not a recording, or it cannot be written."""
+
+
+class Topic(msgspec.Struct, frozen=True):
+    """A recorded topic."""
+
+    name: str
+    type_name: str
+    """Such as `std_msgs/msg/String`; "" for JSON."""
+    encoding: str
+    """`CDR`, `JSON`, or another encoding of a foreign file."""
+    schema_encoding: str = ""
+    """`ros2msg` if `schema` can be read here."""
+    schema: str = ""
+    """The definition of the type; see `schemas`."""
+    qos: QoS = QoS()
+    """The QoS of its first publisher."""
+
+
+class Message(msgspec.Struct, frozen=True):
+    """A recorded message."""
+
+    topic: Topic
+    time: int
+    """Nanoseconds since 1970, when the recorder got it."""
+    data: bytes
+    """The encoded message; CDR with its header."""
+
+
+class RecordingWriter:
+    """Writes a new recording.
+
+    Raises:
+        RecordingError: the file exists already, or cannot be created.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self.messages = 0
+        """How many messages were written."""
+        self._stream = _Unbuffered(self.path)
+        self._writer = Writer(
+            self._stream,  # type: ignore[arg-type]
+            compression=CompressionType.NONE,
+            use_chunking=False,
+        )
+        self._schemas: dict[tuple[str, str], int] = {}
+        try:
+            self._writer.start(profile="ros2", library="taskrpc")
+        except OSError as error:
+            raise self._failure(error) from None
+
+    def add_topic(
+        self, name: str, type_name: str, schema: str, *, type_hash: str = "", qos: QoS | None = None
+    ) -> int:
+        """Add a topic of CDR messages; returns the number for `write`."""
+        key = type_name, schema
+        number = self._schemas.get(key)
+        if number is None:
+            number = self._writer.register_schema(type_name, _SCHEMA, schema.encode())
+            self._schemas[key] = number
+        metadata = {_QOS: _qos_text(qos or QoS()), "topic_type_hash": type_hash}
+        return self._writer.register_channel(name, CDR, number, metadata)
+
+    def add_json_topic(self, name: str) -> int:
+        """Add a topic of JSON messages; returns the number for `write`."""
+        # Without a schema: rosbags refuses a whole file that has a schema of an unknown language.
+        return self._writer.register_channel(name, JSON, 0)
+
+    def write(self, topic: int, data: bytes, time: int) -> None:
+        """Write a message; `time` in nanoseconds since 1970.
+
+        Raises RecordingError if the disk refuses it, for example because it is full.
+        """
+        try:
+            self._writer.add_message(topic, time, data, time, self.messages & 0xFFFFFFFF)
+        except OSError as error:
+            raise self._failure(error) from None
+        self.messages += 1
+
+    def close(self) -> None:
+        """Write the summary and close the file. Raises RecordingError."""
+        if self._stream.is_closed:
+            return
+        try:
+            self._writer.finish()  # type: ignore[no-untyped-call]
+        except OSError as error:
+            raise self._failure(error) from None
+        finally:
+            self._stream.close()
+
+    def _failure(self, error: OSError) -> RecordingError:
+        return RecordingError(f"cannot write {self.path}: {error.strerror or error}")
+
+
+class _Unbuffered:
+    """The stream of a writer; each `write` reaches the operating system at once."""
+
+    def __init__(self, path: Path) -> None:
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+        try:
+            self._file = os.open(path, flags | getattr(os, "O_CLOEXEC", 0), 0o644)
+        except FileExistsError:
+            problem = "the file exists already; choose another name or remove it"
+            raise RecordingError(f"cannot record to {path}: {problem}") from None
+        except OSError as error:
+            raise RecordingError(f"cannot record to {path}: {error.strerror}") from None
+        self._size = 0
+        self.is_closed = False
+
+    def write(self, data: bytes) -> None:
+        written = os.write(self._file, data)
+        while written < len(data):  # a disk that becomes full takes a part, then raises
+            written += os.write(self._file, data[written:])
+        self._size += len(data)
+
+    def tell(self) -> int:
+        return self._size
+
+    def flush(self) -> None:
+        pass
+
+    def close(self) -> None:
+        if not self.is_closed:
+            self.is_closed = True
+            os.close(self._file)
+
+
+class Recording:
+    """A recording that was written earlier; `messages` may be called several times.
+
+    Args:
+        path: the file, or the folder of a bag of rosbag2 with its .mcap files.
+
+    Raises:
+        RecordingError: it cannot be opened, or is not an MCAP file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = Path(path)
+        self.problem = ""
+        """What is missing, as a sentence; "" if the file is whole. Known after reading."""
+        self.library = ""
+        """The program that wrote it."""
+        self.topics: dict[int, Topic] = {}
+        """The topics found so far, by a number."""
+        self._files = _files(self.path)
+        for file in self._files:
+            _check_magic(file)
+        self.size = sum(file.stat().st_size for file in self._files)
+        """Bytes."""
+
+    def messages(self, *, keep: Callable[[Topic], bool] | None = None) -> Iterator[Message]:
+        """Iterate over the messages in the order of the file, up to its end or its damage.
+
+        `keep` chooses topics; the messages of the others are skipped.
+        """
+        self.problem = ""
+        for number, file in enumerate(self._files):
+            with file.open("rb") as stream:
+                yield from self._read(stream, file, number << 16, keep)
+
+    def _read(
+        self, stream: BinaryIO, file: Path, offset: int, keep: Callable[[Topic], bool] | None
+    ) -> Iterator[Message]:
+        schemas: dict[int, records.Schema] = {}
+        kept: dict[int, Topic | None] = {}
+        whole = 0  # bytes up to the end of the last whole record
+        try:
+            for record in StreamReader(stream, record_size_limit=_RECORD_LIMIT).records:
+                if isinstance(record, records.Message):
+                    if record.channel_id not in kept or record.log_time > _LATEST:
+                        raise ValueError("a message without a topic, or with an impossible time")
+                    topic = kept[record.channel_id]
+                    if topic is not None:
+                        yield Message(topic, record.log_time, record.data)
+                elif isinstance(record, records.Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, records.Channel):
+                    if record.id not in kept:
+                        topic = _topic(record, schemas.get(record.schema_id))
+                        self.topics[offset + record.id] = topic
+                        kept[record.id] = topic if keep is None or keep(topic) else None
+                elif isinstance(record, records.Header):
+                    self.library = self.library or record.library
+                elif isinstance(record, records.DataEnd):
+                    return
+                whole = stream.tell()
+        except OSError as error:
+            raise RecordingError(f"cannot read {file}: {error.strerror or error}") from None
+        except Exception as error:  # for damaged bytes, the library raises what Python raises
+            self.problem = self.problem or _problem(file, whole, stream.tell(), error)
+
+
+def _problem(file: Path, whole: int, at: int, error: Exception) -> str:
+    size = file.stat().st_size
+    if at >= size and isinstance(error, EndOfFile | struct.error):
+        rest = f", its last {size - whole:,} bytes are an incomplete record" if size > whole else ""
+        return (
+            f"{file.name} was not finished, probably because its recorder was killed{rest};"
+            " the messages before that are all there"
+        )
+    reason = " ".join(str(error).split())[:120] or type(error).__name__
+    return (
+        f"{file.name} is damaged after byte {whole:,} of {size:,} ({reason}); the rest is missing"
+    )
+
+
+def _files(path: Path) -> list[Path]:
+    if not path.is_dir():
+        return [path]
+    found = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
+    if not found:
+        others = "; taskrpc reads MCAP, not SQLite" if any(path.glob("*.db3*")) else ""
+        raise RecordingError(f"expected a folder with .mcap files, {path} has none{others}")
+    return found
+
+
+def _check_magic(file: Path) -> None:
+    try:
+        with file.open("rb") as stream:
+            found = stream.read(8)
+    except OSError as error:
+        raise RecordingError(f"cannot read {file}: {error.strerror}") from None
+    if found == b"":
+        raise RecordingError(f"{file} is empty; expected an MCAP file")
+    if found != b"\x89MCAP0\r\n":
+        hint = "; it is a bag of ROS 1" if found.startswith(b"#ROSBAG") else ""
+        hint = "; it is an SQLite file" if found.startswith(b"SQLite") else hint
+        raise RecordingError(f"{file} is not a recording: expected an MCAP file{hint}")
+
+
+def _topic(channel: records.Channel, schema: records.Schema | None) -> Topic:
+    return Topic(
+        channel.topic,
+        schema.name if schema is not None else "",
+        channel.message_encoding,
+        schema.encoding if schema is not None else "",
+        schema.data.decode(errors="replace") if schema is not None else "",
+        _qos_from(channel.metadata.get(_QOS, "")),
+    )
+
+
+def _qos_text(qos: QoS) -> str:
+    """Return a QoS as rosbag2 stores it."""
+    return (
+        f"- history: keep_last\n  depth: {qos.depth}\n  reliability: {qos.reliability}\n"
+        f"  durability: {qos.durability}\n  deadline: {_FOREVER}\n  lifespan: {_FOREVER}\n"
+        f"  liveliness: automatic\n  liveliness_lease_duration: {_FOREVER}\n"
+        "  avoid_ros_namespace_conventions: false\n"
+    )
+
+
+_RELIABILITY = {"1": "reliable", "2": "best_effort"}
+_DURABILITY = {"1": "transient_local", "2": "volatile"}
+
+
+def _qos_from(text: str) -> QoS:
+    """Return the first QoS of a text of rosbag2, with the default for what it does not say."""
+    import yaml
+
+    try:
+        profiles: Any = yaml.safe_load(text)
+        first = profiles[0] if isinstance(profiles, list) and profiles else {}
+        depth = first.get("depth", 10)
+        reliability, durability = str(first.get("reliability")), str(first.get("durability"))
+    except (yaml.YAMLError, AttributeError):
+        return QoS()
+    is_best_effort = _RELIABILITY.get(reliability, reliability) == "best_effort"
+    is_latched = _DURABILITY.get(durability, durability) == "transient_local"
+    return QoS(
+        depth if isinstance(depth, int) and 1 <= depth <= 10_000 else 10,
+        "best_effort" if is_best_effort else "reliable",
+        "transient_local" if is_latched else "volatile",
+    )
