@@ -11,7 +11,7 @@ from taskrpc.recording.decisions import DECISIONS_TOPIC, TaskChange, decision_of
 from taskrpc.recording.mcap_file import Recording
 from taskrpc.tasks.model import TaskState
 
-_ROBOT = "robot"
+_ROBOT = "the robot"  # no node can have this name
 _UNSAFE = {"#": "#35;", ";": "#59;", "<": "#lt;", ">": "#gt;", "\n": " ", "\r": " "}
 """Characters with a meaning in Mermaid or HTML, and their spelling in a text."""
 
