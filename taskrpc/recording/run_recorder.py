@@ -12,11 +12,12 @@ import os
 import time
 from collections.abc import Callable
 from importlib.metadata import version
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
 import srvgen
+from srvgen.cdr.encode import encoder_of
 from srvgen.classes.loader import search
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import Code
@@ -171,8 +172,8 @@ class CallRecorder(Observer):
 
     def __init__(self, recorder: RunRecorder) -> None:
         self._recorder = recorder
-        self._topics: dict[str, tuple[Any, int]] = {}
-        """The class and the topic's number of each service, by its name."""
+        self._topics: dict[str, _ServiceTopic] = {}
+        """The topic of each service, by the service's name."""
         self._ends: int | None = None
         """The topic's number of the ends of calls."""
         self._gids: dict[str, list[int]] = {}
@@ -220,25 +221,33 @@ class CallRecorder(Observer):
         if topic is None:
             (message,) = messages.values()
             topic = self.add_service(call.service, message._TYPE.rpartition("_")[0])
-        srv_type, number = topic
         gid = self._gids.get(call.caller)
         if gid is None:
             if len(self._gids) >= _KEPT_GIDS:
                 self._gids.clear()
             gid = self._gids[call.caller] = gid_of(call.caller)
         stamp = self._recorder.clock()
-        event = service_event(srv_type, step, stamp, gid, call.number, **messages)
-        self._recorder.write(number, srvgen.to_cdr(event))
+        event = service_event(topic.srv_type, step, stamp, gid, call.number, **messages)
+        # Without the check of `to_cdr`: the server has received or sent the message.
+        self._recorder.write(topic.number, topic.encode(event))
 
-    def add_service(self, service: str, type_name: str) -> tuple[Any, int]:
-        """Prepare for the calls of a service; returns its class and the number of its topic."""
+    def add_service(self, service: str, type_name: str) -> _ServiceTopic:
+        """Prepare for the calls of a service; returns its topic."""
         known = self._topics.get(service)
-        if known is not None:
-            return known
-        srv_type: Any = srvgen.load(type_name)
-        name = f"{type_name}{EVENT}"
-        number = self._recorder.writer.add_topic(
-            service + SUFFIX, name, schema_text(name, search()), type_hash=srv_type.Event._HASH
-        )
-        self._topics[service] = srv_type, number
-        return srv_type, number
+        if known is None:
+            srv_type: Any = srvgen.load(type_name)
+            name, text = f"{type_name}{EVENT}", schema_text(f"{type_name}{EVENT}", search())
+            writer, type_hash = self._recorder.writer, srv_type.Event._HASH
+            number = writer.add_topic(service + SUFFIX, name, text, type_hash=type_hash)
+            known = _ServiceTopic(srv_type, number, encoder_of(srv_type.Event))
+            self._topics[service] = known
+        return known
+
+
+class _ServiceTopic(NamedTuple):
+    """The topic of a service's events."""
+
+    srv_type: Any
+    number: int
+    encode: Callable[[Any], bytes]
+    """Encodes an event."""

@@ -26,8 +26,6 @@ from taskrpc.recording.recorder import message_class
 from taskrpc.recording.schemas import schema_text
 from tests.taskrpc.recording.conftest import _recorded, recorded_run  # noqa: F401
 
-pytestmark = pytest.mark.interop
-
 SECOND = 10**9
 EMPTY = "structure_needs_at_least_one_member"
 """The field that rosbags gives a message without fields."""
