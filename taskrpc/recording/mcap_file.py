@@ -277,7 +277,7 @@ def _problem(file: Path, whole: int, at: int, error: Exception) -> str:
     if at >= size and isinstance(error, EndOfFile | struct.error):
         rest = f", its last {size - whole:,} bytes are an incomplete record" if size > whole else ""
         return (
-            f"{file.name} was not finished, probably because its recorder was killed{rest};"
+            f"{file.name} is not finished: its recorder still runs, or was killed{rest};"
             " the messages before that are all there"
         )
     reason = " ".join(str(error).split())[:120] or type(error).__name__

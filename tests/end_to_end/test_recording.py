@@ -54,7 +54,7 @@ def test_recorded_run_replays_with_the_same_decisions(start, tmp_path, capsys, n
     assert main(["bag", "info", str(recording.path)]) == 0
     out, err = capsys.readouterr()
     assert "Service: /robot_task | Type: my_robot_interfaces/srv/RobotTask | Event Count: 6" in out
-    assert ("was not finished" in err) is (number == signal.SIGKILL)
+    assert ("is not finished" in err) is (number == signal.SIGKILL)
 
 
 def test_run_of_a_robot_class_of_ones_own_is_recorded(start, tmp_path, capsys):

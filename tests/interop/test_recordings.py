@@ -131,7 +131,7 @@ def test_file_of_a_killed_recorder_is_read_up_to_its_last_message(tmp_path):
     subprocess.run([sys.executable, "-c", program, path], check=False)
     recording = Recording(path)
     assert len(list(recording.messages())) == 1000
-    assert "was not finished" in recording.problem
+    assert "is not finished" in recording.problem
 
 
 @pytest.fixture

@@ -145,9 +145,9 @@ def sequence(options: argparse.Namespace) -> Exit:
     recording = Recording(options.file)
     services = [quoting.expanded(name) for name in options.services]
     text = diagram(recording, limit=options.limit, services=services)
-    if recording.problem:
-        print(f"WARNING: {recording.problem}", file=sys.stderr)
     if not text:
         raise NotFound(f"{options.file}: no call was recorded")
-    print(text, end="")
+    print(text, end="", flush=True)
+    if recording.problem:
+        print(f"WARNING: {recording.problem}", file=sys.stderr)
     return Exit.DONE

@@ -67,7 +67,7 @@ def test_file_of_a_killed_recorder_has_every_message(tmp_path):
     messages, recording = read(tmp_path / "a.mcap")
     assert len(messages) == 6
     assert recording.problem == (
-        "a.mcap was not finished, probably because its recorder was killed;"
+        "a.mcap is not finished: its recorder still runs, or was killed;"
         " the messages before that are all there"
     )
 

@@ -145,7 +145,7 @@ async def test_unfinished_recording_is_shown_up_to_its_end_and_says_so(recorded_
     recorded_run.write_bytes(data[: len(data) // 2])
     timeline = Timeline(Recording(recorded_run))
     assert named(timeline, "tasks")
-    assert "was not finished" in timeline.hello.data["recording"]["problem"]
+    assert "is not finished" in timeline.hello.data["recording"]["problem"]
 
 
 def test_recording_of_a_foreign_program_shows_its_calls(tmp_path):

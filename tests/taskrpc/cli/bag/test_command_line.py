@@ -87,7 +87,7 @@ def test_info_of_an_unfinished_file_says_what_is_missing(bag, recording):
     code, out, err = bag("info", recording)
     assert code == 0
     assert "Messages:          3\n" in out
-    assert err.startswith("WARNING: a.mcap was not finished, probably because its recorder was")
+    assert err.startswith("WARNING: a.mcap is not finished: its recorder still runs")
 
 
 @pytest.mark.real_time
@@ -101,7 +101,7 @@ def test_play_of_an_unfinished_file_plays_the_rest_and_says_so(bag, recording):
     cut(recording)
     code, _, err = bag("play", recording, "--rate", "10", "--delay", "0")
     assert code == 0
-    assert err.splitlines()[0].startswith("WARNING: a.mcap was not finished")
+    assert err.splitlines()[0].startswith("WARNING: a.mcap is not finished")
     assert err.splitlines()[1] == "played 3 messages"
 
 
@@ -209,4 +209,4 @@ def test_record_writes_until_it_is_ended(bag, tmp_path, number):
         assert re.search(rf"recorded {len(messages)} messages in {path}\n$", err)
         assert (recorder.returncode, recording.problem) == (0, "")
     else:
-        assert "was not finished" in recording.problem
+        assert "is not finished" in recording.problem
