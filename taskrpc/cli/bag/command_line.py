@@ -56,8 +56,7 @@ def _add_record(commands: Commands) -> None:
     add("--include-hidden-topics", action="store_true", help=what)
     what = "Record only topics that exist now"
     add("--no-discovery", action="store_true", help=what)
-    what = "The format of the file: mcap (mcap)"
-    add("-s", "--storage", choices=["mcap"], default="mcap", help=what)
+    add_ignored(parser, "-s", "--storage", choices=["mcap"])
     add_connect(parser)
     add_ignored(parser, "--use-sim-time", action="store_true")
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import signal
@@ -13,81 +12,10 @@ import time
 import pytest
 
 import srvgen
-from srvgen.classes.loader import search
-from taskrpc.introspection import service_event
-from taskrpc.recording.mcap_file import Recording, RecordingWriter
-from taskrpc.recording.schemas import schema_text
+from taskrpc.recording.mcap_file import Recording
+from tests.taskrpc.cli.bag.conftest import String, cut
 
-String = srvgen.load("std_msgs/msg/String")
-Add = srvgen.load("example_interfaces/srv/AddTwoInts")
-ADD_EVENT = "example_interfaces/srv/AddTwoInts_Event"
-START = 1_700_000_000 * 10**9
 PATIENCE = 60
-
-
-@pytest.fixture
-def recording(tmp_path):
-    """Three messages, one a tenth of a second, and one call."""
-    writer = RecordingWriter(tmp_path / "a.mcap")
-    text = writer.add_topic("/chatter", String._TYPE, schema_text(String._TYPE, search()))
-    calls = writer.add_topic("/add/_service_event", ADD_EVENT, schema_text(ADD_EVENT, search()))
-    for number in range(3):
-        data = srvgen.to_cdr(String(data=f"hello {number}"))
-        writer.write(text, data, START + number * 10**8)
-    for at, step, message in (
-        (START + 300_000_000, "REQUEST_RECEIVED", {"request": Add.Request(a=2, b=3)}),
-        (START + 313_000_000, "RESPONSE_SENT", {"response": Add.Response(sum=5)}),
-    ):
-        event = service_event(Add, step, at, [7] * 16, 1, **message)
-        writer.write(calls, srvgen.to_cdr(event), at)
-    writer.close()
-    return writer.path
-
-
-@pytest.fixture
-def bag(run):
-    return lambda *argv: run("bag", *map(str, argv))
-
-
-def test_info_prints_what_ros2_bag_info_prints(bag, recording):
-    code, out, err = bag("info", recording)
-    assert (code, err) == (0, "")
-    lines = out.splitlines()
-    assert lines[1] == "Files:             a.mcap"
-    assert lines[4] == "Duration:          0.313000000s"
-    assert lines[5].endswith(" (1700000000.000000000)")
-    assert lines[7:11] == [
-        "Messages:          5",
-        "Topic information: Topic: /chatter | Type: std_msgs/msg/String | Count: 3"
-        " | Serialization Format: cdr",
-        "Services:          1",
-        "Service information: Service: /add | Type: example_interfaces/srv/AddTwoInts"
-        " | Event Count: 2 | Serialization Format: cdr",
-    ]
-
-
-def test_info_for_programs_is_json(bag, recording):
-    found = json.loads(bag("info", recording, "--json")[1])
-    assert found["topics"] == [{"name": "/chatter", "type": "std_msgs/msg/String", "count": 3}]
-    assert found["services"][0]["events"] == 2
-    assert (found["messages"], found["problem"]) == (5, "")
-
-
-def test_info_can_print_only_the_topics(bag, recording):
-    assert bag("info", recording, "-t")[1] == "/chatter\n"
-
-
-def cut(recording):
-    """Cut the file in the middle of the call, as a killed recorder may."""
-    os.truncate(recording, recording.read_bytes().index(b"hello 2") + 40)
-
-
-def test_info_of_an_unfinished_file_says_what_is_missing(bag, recording):
-    cut(recording)
-    code, out, err = bag("info", recording)
-    assert code == 0
-    assert "Messages:          3\n" in out
-    assert err.startswith("WARNING: a.mcap is not finished: its recorder still runs")
 
 
 @pytest.mark.real_time
@@ -110,24 +38,6 @@ def test_play_of_nothing_is_a_mistake(bag, recording):
     code, _, err = bag("play", recording, "--topics", "/other", "--delay", "0")
     assert code == 1
     assert err == f"{recording}: no message was played; taskrpc bag info lists the topics\n"
-
-
-def test_sequence_is_a_mermaid_diagram(bag, recording):
-    code, out, err = bag("sequence", recording)
-    assert (code, err) == (0, "")
-    assert out == (
-        "sequenceDiagram\n"
-        "    participant p1 as client 1\n"
-        "    participant p2 as /add\n"
-        "    p1->>p2: 0.000 s  a=2 b=3\n"
-        "    p2-->>p1: 0.013 s  sum=5 (13 ms)\n"
-    )
-
-
-def test_sequence_without_calls_is_a_mistake(bag, recording):
-    code, out, err = bag("sequence", recording, "--services", "/other")
-    assert (code, out) == (1, "")
-    assert err == f"{recording}: no call was recorded\n"
 
 
 @pytest.mark.parametrize("verb", ["info", "play", "sequence"])

@@ -1,0 +1,65 @@
+"""The recorder of a run: every call, topic and change; the server never depends on it."""
+
+from __future__ import annotations
+
+import msgspec
+
+import srvgen
+from taskrpc.recording.calls import CALLS_TOPIC, CallEnd
+from taskrpc.recording.decisions import DECISIONS_TOPIC, RunStart, TaskChange, decision_of
+from taskrpc.recording.mcap_file import Recording
+from taskrpc.tasks.model import TaskState
+from tests.taskrpc.recording.conftest import START, Run
+
+RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
+EVENTS = "/robot_task/_service_event"
+
+
+def found(path, topic):
+    return list(Recording(path).messages(keep=lambda each: each.name == topic))
+
+
+async def test_each_call_has_its_two_events_and_its_end(recorded_run):
+    events = [srvgen.from_cdr(RobotTask.Event, each.data) for each in found(recorded_run, EVENTS)]
+    ends = [msgspec.json.decode(m.data, type=CallEnd) for m in found(recorded_run, CALLS_TOPIC)]
+    ends = [end for end in ends if end.service == "/robot_task"]
+    assert [event.info.sequence_number for event in events] == [
+        number for end in ends for number in (end.number, end.number)
+    ]
+    assert [bool(event.request) for event in events] == [True, False] * len(ends)
+    assert ends[0].began >= START
+    assert {(end.client, end.code) for end in ends} == {("/ada", "OK")}
+
+
+async def test_every_service_has_its_topic_from_the_start(recorded_run):
+    list((recording := Recording(recorded_run)).messages())
+    names = {topic.name for topic in recording.topics.values()}
+    decisions = [decision_of(message) for message in found(recorded_run, DECISIONS_TOPIC)]
+    (run,) = (each for each in decisions if isinstance(each, RunStart))
+    assert {f"{service}/_service_event" for service in run.services} <= names
+
+
+async def test_every_state_of_a_task_is_recorded_in_order(recorded_run):
+    decisions = [decision_of(message) for message in found(recorded_run, DECISIONS_TOPIC)]
+    changes = [each.task for each in decisions if isinstance(each, TaskChange)]
+    states = [task.state for task in changes if task.task_id == 2]
+    assert states == [TaskState.QUEUED, TaskState.RUNNING, TaskState.SUCCEEDED]
+
+
+async def test_task_that_ends_with_the_server_is_recorded_as_interrupted(recorded_run):
+    last = decision_of(found(recorded_run, DECISIONS_TOPIC)[-1])
+    assert last.task.state is TaskState.INTERRUPTED
+
+
+async def test_refused_call_is_recorded_with_its_error(tmp_path):
+    async with Run(tmp_path / "a.mcap") as run:
+        await run.call("show", "ShowTask", task_id=3)
+    (end,) = (msgspec.json.decode(m.data, type=CallEnd) for m in found(run.path, CALLS_TOPIC))
+    assert (end.code, end.task_id) == ("OK", 3)
+
+
+async def test_recorder_that_the_disk_refuses_leaves_the_server_alone(tmp_path, caplog):
+    async with Run(tmp_path / "a.mcap") as run:
+        run.recorder.fail(OSError("No space left on device"))
+        assert await run.submit("move", "dock", 5) == 1
+    assert caplog.text.count("the recording ends here: No space left on device") == 1
