@@ -120,7 +120,8 @@ class LiveTasks:
         """The running and queued tasks of the last `tasks` event."""
         self._moves: deque[dict[str, Any]] = deque(maxlen=MAX_MOVES)
         """Newest first."""
-        self._delay = manager.delays.mark(), 0.0
+        newest = manager.delays.since(manager.delays.next_number - 1)
+        self._delay = (newest[0].number, newest[0].seconds) if newest else (0, 0.0)
         """The number of the last delay that was considered, and its seconds then."""
         self._ended: list[dict[str, Any]] = []
         self._counts: Counter[str] = Counter()
