@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install test faults browser interop soak mutants lint types layers windows check format demo bench clean
+.PHONY: install test faults browser interop pictures soak mutants lint types layers windows check format demo bench clean
 
 install:
 	$(PYTHON) -m venv $(VENV)
@@ -19,6 +19,10 @@ faults:
 browser:
 	$(BIN)/pip install --quiet --editable '.[dev,browser]'
 	$(BIN)/pytest -m browser tests/browser
+
+pictures:
+	$(BIN)/pip install --quiet --editable '.[dev,browser]'
+	$(BIN)/python docs/pictures/make.py
 
 interop:
 	$(BIN)/pip install --quiet --editable '.[dev,interop]'

@@ -81,13 +81,13 @@ def pytest_asyncio_loop_factories(config, item):
 
 
 def pytest_terminal_summary(terminalreporter):
-    """Tell what really happened in the fault harnesses; their processes have no terminal."""
+    """Tell what really happened in the tests that count it; their processes have no terminal."""
     reports = [
         report for kind in ("passed", "failed") for report in terminalreporter.getreports(kind)
     ]
     told = [(each, dict(each.user_properties)) for each in reports if each.when == "call"]
     if told := [(each.location[2], said[HAPPENED]) for each, said in told if HAPPENED in said]:
-        terminalreporter.section("what happened in the fault harnesses")
+        terminalreporter.section("what happened")
         for name, counts in told:
             terminalreporter.line(f"{name}: {counts}")
 

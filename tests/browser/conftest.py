@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from taskrpc.cli.shared.page_link import noted_links
 from tests.browser.chromium import Tabs, chromium
 from tests.browser.live_page import LivePage
 from tests.browser.task_server import Services, TaskServer
@@ -62,15 +63,13 @@ def open_page(tabs):
     """Opens the live page of a server, with the link for control or with the one that shows."""
 
     def page(server, *, control=False, query="", **settings):
-        link = control_link() if control else server.url
+        link = control_link(server) if control else server.url
         url = link.replace("/#", f"/{query}#") if control else link + query
         return LivePage(tabs.open(url, **settings)).is_live()
 
     return page
 
 
-def control_link():
-    """The link for control of the newest server, as `taskrpc view` opens it."""
-    from taskrpc.cli.shared.page_link import noted_links
-
-    return noted_links()[0].control_link
+def control_link(server):
+    """The link for control of a server, which `taskrpc view` opens."""
+    return next(link for link in noted_links() if link.url == server.url.rstrip("/")).control_link

@@ -1,0 +1,121 @@
+"""Makes the screenshots of the documentation from a real run of the task server.
+
+`make pictures` runs it; it needs the extra `browser` and what `make browser` needs. It takes about
+a minute.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import threading
+import time
+from contextlib import ExitStack, suppress
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[2]))
+
+import taskrpc
+from taskrpc.cli.shared.page_link import noted_links
+from tests.browser.chromium import LAPTOP, PHONE, Tab, Tabs, chromium
+from tests.browser.task_server import Services, TaskServer
+
+FOLDER = Path(__file__).parent
+MOST_BYTES = 200_000
+"""Most bytes of one picture."""
+PROGRAMS = ("ada", "ben", "cleo", "display")
+
+
+def main() -> int:
+    """Write the pictures; returns the exit code."""
+    with ExitStack() as stack:
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        (folder / "runtime").mkdir(mode=0o700)
+        os.environ["XDG_RUNTIME_DIR"] = str(folder / "runtime")  # no other server is in the picture
+        server = TaskServer(folder, "--introspection", "metadata")
+        stack.callback(server.end)
+        programs = {name: stack.enter_context(Services(name)) for name in PROGRAMS}
+        tabs = stack.enter_context(Tabs(stack.enter_context(chromium())))
+        pictures = _open(tabs, server)
+        _story(stack, programs)
+        for name, tab in pictures.items():
+            tab.picture(FOLDER / f"{name}.png")
+        if problems := tabs.problems():
+            raise SystemExit("\n".join(problems))
+    large = [path.name for path in FOLDER.glob("*.png") if path.stat().st_size > MOST_BYTES]
+    for name in large:
+        print(f"{name} has more than {MOST_BYTES} bytes", file=sys.stderr)
+    return 1 if large else 0
+
+
+def _open(tabs: Tabs, server: TaskServer) -> dict[str, Tab]:
+    """Open one tab for each picture: its name is that of the file."""
+    control = noted_links()[0].control_link
+    light, dark = {"color_scheme": "light"}, {"color_scheme": "dark"}
+    return {
+        "live-light": tabs.open(control, size=LAPTOP, **light),
+        "live-dark": tabs.open(control, size=LAPTOP, **dark),
+        "projector": tabs.open(f"{server.url}?projector", size=LAPTOP, **light),
+        "phone": tabs.open(control, size=PHONE, **light),
+    }
+
+
+def _story(stack: ExitStack, programs: dict[str, Services]) -> None:
+    """Let tasks and calls of every kind happen; the last one goes ahead of the others."""
+    ada, ben, cleo = (programs[name] for name in PROGRAMS[:3])
+    stack.enter_context(_watching(programs["display"]))
+    ada.submit("report", "dock", 6)
+    ended = ben.submit("scan", "1.6,1.4", 6)
+    cancelled = cleo.submit("move", "station_1", 2)
+    _until_ended(ada, ended)
+    cleo.call("/cancel", task_id=cancelled)
+    ada.submit("move", "warehouse", 8)
+    ben.submit("move", "station_1", 5)
+    cleo.submit("scan", "area_a", 5)
+    ada.submit("report", "dock", 3)
+    _until_begun(ada)
+    for number in range(16):  # the robot is on its way
+        (ada, ben, cleo)[number % 3].show(number % 5 + 1)
+        time.sleep(0.5)
+    ben.submit("move", "central", 5, request_id="ben-1")
+    ben.submit("move", "central", 5, request_id="ben-1")  # repeated: gets the stored answer
+    with suppress(taskrpc.DeadlineExceeded):
+        ada.call("/list", timeout=0.0005)
+    time.sleep(1.2)
+    cleo.submit("scan", "central", 10)
+    time.sleep(0.6)  # the rows have slid to their new places; their reasons are shown
+
+
+class _watching:
+    """A program that asks for the list of tasks a few times a second."""
+
+    def __init__(self, services: Services) -> None:
+        self._services = services
+        self._ends = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+
+    def __enter__(self) -> None:
+        self._thread.start()
+
+    def __exit__(self, *_: object) -> None:
+        self._ends.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        while not self._ends.wait(0.4):
+            self._services.call("/list")
+
+
+def _until_ended(services: Services, task_id: int) -> None:
+    while not services.show(task_id).ended.sec:
+        time.sleep(0.2)
+
+
+def _until_begun(services: Services) -> None:
+    while not any(task.state == "RUNNING" for task in services.call("/list").tasks):
+        time.sleep(0.1)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
