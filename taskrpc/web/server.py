@@ -231,22 +231,24 @@ class WebServer:
             tab, states = live.stream.open(connection)
         except TooManyTabs:
             return _response(Page("too many live pages are open\n", status=503))
+        response = web.StreamResponse(headers={**_HEADERS, "X-Accel-Buffering": "no"})
+        response.content_type = "text/event-stream"
+        response.enable_chunked_encoding()
+        response.force_close()
         try:
             tab.pause()  # until its first bytes are written
             connection.keep(tab)
-            response = web.StreamResponse(headers={**_HEADERS, "X-Accel-Buffering": "no"})
-            response.content_type = "text/event-stream"
-            response.enable_chunked_encoding()
-            response.force_close()
             await response.prepare(request)
             hello = live.events.hello(control=self._guard.holder(head) is not None)
             await response.write(hello + states)
             if not connection.is_full:
                 tab.resume()
             await tab.closed
-            return response
+        except ConnectionError:
+            log.debug("a live page of %s was closed at once", request.remote)
         finally:
             tab.close()
+        return response
 
 
 async def _shown(path: str, show: Callable[[], Awaitable[Page]]) -> Page:
@@ -380,7 +382,8 @@ class _Connection(web.RequestHandler):
         if tab is not None and self._writing is not None:
             self._writing.set_write_buffer_limits(high=UNREAD_BYTES)
             if sock := self._writing.get_extra_info("socket"):  # no megabytes of outdated events
-                sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_BYTES)
+                with contextlib.suppress(OSError):  # the page may be closed already
+                    sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_BYTES)
 
     def pause_writing(self) -> None:
         super().pause_writing()

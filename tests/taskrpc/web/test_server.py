@@ -4,7 +4,9 @@ import asyncio
 import contextlib
 import json
 import re
+import socket
 import ssl
+import struct
 
 import aiohttp
 import pytest
@@ -456,6 +458,23 @@ async def test_one_page_too_many_is_told_so(page, monkeypatch):
         await next_events(response, "hello")
         status, _, text = await fetch(f"{page.url}/live")
         assert (status, text) == (503, "too many live pages are open\n")
+
+
+async def test_pages_that_are_reset_at_once_leave_nothing_and_log_no_traceback(page, caplog):
+    host, _, port = page.url.rpartition("/")[2].rpartition(":")
+    request = f"GET /live HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode()
+    for _ in range(20):
+        calling = socket.create_connection((host, int(port)))
+        calling.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        calling.sendall(request)
+        calling.close()  # sends a reset
+        await asyncio.sleep(0.01)
+    async with asyncio.timeout(30):
+        while len(page.stream):
+            await asyncio.sleep(0.01)
+    assert (await fetch(f"{page.url}/health"))[0] == 200
+    assert "Traceback" not in caplog.text
+    assert "Error handling request" not in caplog.text
 
 
 async def test_page_stays_open_longer_than_a_request_may_take(folder, monkeypatch):
