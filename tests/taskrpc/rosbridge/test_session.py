@@ -21,15 +21,22 @@ OPS = (
 ).split()
 NAMES = ["/chatter", "/add", "/mine", "a b", "~/x", "//", "", "/rosapi/topics", "/rosapi/get_param"]
 TYPES = ["std_msgs/String", "std_srvs/Trigger", "example_interfaces/AddTwoInts", "no/Type", "../x"]
-VALUES = [None, -1, 2**70, 1.5, float("nan"), "", "x" * 600, [], [1], {}, {"data": "x"}, {"a": 1}]
-ANY = st.sampled_from(VALUES + NAMES + TYPES)
+VALUES = [None, 1, 2**70, "x" * 600, [1], {}, {"data": "x"}, {"a": 1}, {"name": "a:b"}]
+NUMBERS = [None, 0, 1, 2, -1, 1.5, float("nan"), 2**70]
 OPERATIONS = st.fixed_dictionaries(
-    {"op": st.sampled_from(OPS)},
+    {
+        "op": st.sampled_from(OPS),
+        "topic": st.sampled_from(NAMES),
+        "service": st.sampled_from(NAMES),
+        "type": st.sampled_from(TYPES),
+        "level": st.sampled_from(["error", "warning", "info", 5]),
+        "action": st.sampled_from(NAMES),
+    },
     optional={
-        **{name: st.sampled_from(NAMES) | ANY for name in ("topic", "service")},
-        "type": st.sampled_from(TYPES) | ANY,
-        **dict.fromkeys("id msg args values timeout throttle_rate latch data".split(), ANY),
-        **dict.fromkeys("queue_length fragment_size num total level result".split(), ANY),
+        **dict.fromkeys(["id", "msg", "args", "values", "data"], st.sampled_from(VALUES)),
+        **dict.fromkeys(["timeout", "throttle_rate", "num", "total"], st.sampled_from(NUMBERS)),
+        **dict.fromkeys(["queue_length", "queue_size"], st.sampled_from(NUMBERS)),
+        "latch": st.booleans(),
     },
 )
 
