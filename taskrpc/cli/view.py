@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import signal
 import subprocess
 import sys
 import time
 import webbrowser
+from collections.abc import Iterator
+from types import FrameType
 
 from taskrpc.cli.shared import graph
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
@@ -62,9 +65,9 @@ def _refuse_server_without_page() -> None:
 
 
 def _run_server(options: argparse.Namespace) -> int:
-    """Start a server with a page, show the page, and end the server at Ctrl-C."""
+    """Start a server with a page, show the page, and end the server at Ctrl-C or SIGTERM."""
     command = [sys.executable, "-c", _START, "--web", "127.0.0.1:0"]
-    with subprocess.Popen(command) as server:
+    with _exit_at_signals(), subprocess.Popen(command) as server:
         try:
             _show(_link_of(server), options)
             print("Ctrl-C ends the server", file=sys.stderr, flush=True)
@@ -73,6 +76,27 @@ def _run_server(options: argparse.Namespace) -> int:
             return Exit.INTERRUPTED
         finally:
             _end(server)
+
+
+@contextlib.contextmanager
+def _exit_at_signals() -> Iterator[None]:
+    """Raise SystemExit at SIGTERM or SIGHUP: their default action would leave the server alone."""
+
+    def leave(number: int, _: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_IGN)  # a second signal must not stop the cleanup
+        raise SystemExit(128 + number)
+
+    names = ("SIGTERM", "SIGHUP")  # Windows has no SIGHUP
+    found = [getattr(signal, name) for name in names if hasattr(signal, name)]
+    # A signal that the parent ignores, as nohup does, stays ignored.
+    caught = [each for each in found if signal.getsignal(each) is signal.SIG_DFL]
+    for each in caught:
+        signal.signal(each, leave)
+    try:
+        yield
+    finally:
+        for each in caught:
+            signal.signal(each, signal.SIG_DFL)
 
 
 def _link_of(server: subprocess.Popen[bytes]) -> PageLink:

@@ -90,14 +90,15 @@ def test_server_that_cannot_start_is_reported(monkeypatch, capsys, opened):
 
 @pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send Ctrl-C to one process")
-def test_without_a_server_it_starts_one_and_ends_it(tmp_path):
+@pytest.mark.parametrize(("ending", "status"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
+def test_without_a_server_it_starts_one_and_ends_it(ending, status):
     command = [sys.executable, "-m", "taskrpc", "view", "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as viewing:
         lines = [viewing.stdout.readline() for _ in range(3)]
         assert lines[0].startswith(b"control:   http://127.0.0.1:")
-        viewing.send_signal(signal.SIGINT)
+        viewing.send_signal(getattr(signal, ending))
         _, said = viewing.communicate(timeout=60)
-    assert viewing.returncode == 130
+    assert viewing.returncode == status
     assert b"Traceback" not in said
     port = int(lines[1].rstrip(b"/\n").rpartition(b":")[2])
     with pytest.raises(OSError):  # noqa: PT011 (the system's own words)
