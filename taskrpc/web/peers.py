@@ -19,16 +19,16 @@ def is_other_user(peer: tuple[str, int], local: tuple[str, int]) -> bool:
     other machines, the result is False. `peer` and `local` are the two ends, as the server sees
     them.
     """
-    if sys.platform != "linux" or not _is_loopback(peer[0]):
-        return False
-    wanted = _as_in_table(peer), _as_in_table(local)
-    users = set()
-    try:
-        for table in _SOCKET_TABLES:
-            users |= set(_users(Path(table), wanted))
-    except OSError:
-        return False  # a system without these tables
-    return not users <= {0, os.getuid()} or not users
+    if sys.platform == "linux" and _is_loopback(peer[0]):
+        wanted = _as_in_table(peer), _as_in_table(local)
+        users = set()
+        try:
+            for table in _SOCKET_TABLES:
+                users |= set(_users(Path(table), wanted))
+        except OSError:
+            return False  # a system without these tables
+        return not users <= {0, os.getuid()} or not users
+    return False
 
 
 def _users(table: Path, wanted: tuple[tuple[bytes, int], tuple[bytes, int]]) -> Iterator[int]:

@@ -45,7 +45,8 @@ async def show(console: Console, read: Callable[[], Awaitable[View]], period: fl
     has stopped the process.
     """
     while await _drawn(console, read, period) == _SUSPEND:
-        os.kill(os.getpid(), signal.SIGSTOP)
+        if sys.platform != "win32":  # no Ctrl-Z there
+            os.kill(os.getpid(), signal.SIGSTOP)
 
 
 async def _drawn(console: Console, read: Callable[[], Awaitable[View]], period: float) -> str:
