@@ -178,7 +178,10 @@ class WebServer:
         connection = cast("_Connection", request.protocol)
         if access is Access.CONNECT and self._upgrade is not None:
             connection.keep()
-            return await self._upgrade(request)
+            response = await self._upgrade(request)
+            if not response.prepared:  # a refusal, as text; otherwise the WebSocket has ended
+                response.headers.update(_HEADERS)
+            return response
         if path == "/live" and self._live is not None:
             return await self._stream(request, connection, self._live, head)
         with self._places.kept(connection):

@@ -116,8 +116,11 @@ async def test_one_client_too_many_is_refused(web, http, monkeypatch):
     monkeypatch.setattr(server, "MAX_CLIENTS", 1)
     async with http.ws_connect(web.url) as socket:
         await call(socket, "/rosapi/nodes")
-        with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
+        with pytest.raises(aiohttp.WSServerHandshakeError, match="503") as refused:
             await http.ws_connect(web.url)
+    headers = refused.value.headers
+    assert headers["Server"] == "taskrpc"
+    assert headers["X-Content-Type-Options"] == "nosniff"
 
 
 async def test_client_that_does_not_read_loses_only_its_own_connection(
