@@ -24,6 +24,9 @@ log = logging.getLogger("taskrpc.rosbridge")
 
 MAX_CALLS = 256
 """Calls of one client that may run at a time; a further one is refused."""
+MAX_ROSAPI_CALLS = 4
+"""Calls of rosapi that run at a time for one client; further ones wait. Some block for tens of
+milliseconds, so many in one turn of the event loop would delay all programs."""
 MAX_TOPICS = 256
 """Topics that one client may subscribe to, and topics that it may publish on."""
 MAX_SERVICES = 64
@@ -89,6 +92,7 @@ class Session:
         """The least severe statuses that the client gets."""
         self._fragments = protocol.Fragments()
         self._calls: set[asyncio.Task[None]] = set()
+        self._rosapi_calls = asyncio.Semaphore(MAX_ROSAPI_CALLS)
         # By absolute name:
         self._subscriptions: dict[str, ClientSubscription] = {}
         self._publishers: dict[str, ClientPublisher] = {}
@@ -183,7 +187,9 @@ class Session:
         rosapi = self._bridge.rosapi
         try:
             if (verb := rosapi.verb_of(operation.service)) is not None:
-                values = await rosapi.call(verb, operation.args)
+                async with self._rosapi_calls:
+                    values = await rosapi.call(verb, operation.args)
+                    await asyncio.sleep(0)  # gives other programs a turn before the next call
             else:
                 timeout = _timeout_of(operation)
                 clients = self._bridge.clients

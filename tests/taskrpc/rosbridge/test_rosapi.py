@@ -6,6 +6,7 @@ import json
 import pytest
 
 import srvgen
+from taskrpc.rosbridge import rosapi
 from tests.taskrpc.rosbridge.clients import connected
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
@@ -140,6 +141,19 @@ async def test_unknown_type_is_an_error(verb, type_name, problem):
 async def test_interfaces_are_listed():
     async with connected() as (_, client):
         assert "std_msgs/msg/String" in (await asked(client, "interfaces"))["interfaces"]
+
+
+async def test_files_of_interfaces_are_searched_once_a_second(monkeypatch):
+    searches = []
+    found = rosapi.search()
+    monkeypatch.setattr(rosapi, "search", lambda: searches.append(1) or found)
+    async with connected(2) as (_, client, other):
+        for each in (client, other, client):
+            assert (await asked(each, "interfaces"))["interfaces"]
+        assert len(searches) == 1
+        await asyncio.sleep(1)
+        await asked(client, "interfaces")
+        assert len(searches) == 2
 
 
 async def test_time_has_both_spellings():

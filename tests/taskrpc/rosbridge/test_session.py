@@ -138,6 +138,23 @@ async def test_one_client_has_a_limited_number_of_calls_and_others_are_served(mo
         assert (await other.call("/add", [1, 1]))["result"] is True
 
 
+async def test_calls_of_rosapi_leave_turns_to_other_programs(monkeypatch):
+    turns = []
+
+    async def note_the_turn(verb, args):
+        turns.append(turn)
+        return {}
+
+    async with connected() as (_, client):
+        monkeypatch.setattr(client.session._bridge.rosapi, "call", note_the_turn)
+        for _ in range(40):
+            await client.send("call_service", service="/rosapi/interfaces")
+        for turn in range(100):  # noqa: B007 (note_the_turn reads it)
+            await asyncio.sleep(0)
+    assert len(turns) == 40
+    assert max(map(turns.count, turns)) <= session.MAX_ROSAPI_CALLS
+
+
 async def test_closed_session_cancels_its_calls():
     cancelled = asyncio.Event()
 
