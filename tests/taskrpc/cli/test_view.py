@@ -88,16 +88,29 @@ def test_server_that_cannot_start_is_reported(monkeypatch, capsys, opened):
     assert opened == []
 
 
+VIEW = "import sys; from taskrpc.__main__ import main; sys.exit(main())"
+DEFAULT_ACTION = {
+    "SIGINT": "signal.default_int_handler",
+    "SIGTERM": "signal.SIG_DFL",
+    "SIGHUP": "signal.SIG_DFL",
+}
+
+
 @pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send Ctrl-C to one process")
 @pytest.mark.parametrize(("ending", "status"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])
 def test_without_a_server_it_starts_one_and_ends_it(ending, status):
-    command = [sys.executable, "-m", "taskrpc", "view", "--no-browser"]
+    # Under nohup this process ignores SIGHUP, and its children would do the same.
+    code = f"import signal; signal.signal(signal.{ending}, {DEFAULT_ACTION[ending]})\n{VIEW}"
+    command = [sys.executable, "-c", code, "view", "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as viewing:
         lines = [viewing.stdout.readline() for _ in range(3)]
         assert lines[0].startswith(b"control:   http://127.0.0.1:")
         viewing.send_signal(getattr(signal, ending))
-        _, said = viewing.communicate(timeout=60)
+        try:
+            _, said = viewing.communicate(timeout=60)
+        finally:
+            viewing.kill()
     assert viewing.returncode == status
     assert b"Traceback" not in said
     port = int(lines[1].rstrip(b"/\n").rpartition(b":")[2])
