@@ -7,7 +7,7 @@ import contextlib
 import logging
 import socket
 import ssl
-from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Mapping
 from typing import Any, Protocol, Self, TypeAlias, cast
 
 import msgspec
@@ -24,14 +24,12 @@ from taskrpc.web.control import MAX_BODY, Control
 from taskrpc.web.guard import Access, Guard, Head, own_names
 from taskrpc.web.pages import JSON, Page, Pages
 from taskrpc.web.peers import is_other_user
+from taskrpc.web.places import Places, TooManyRequests
 from taskrpc.web.streams import UNREAD_BYTES, LiveStream, Tab, TooManyTabs
 from taskrpc.web.tokens import Tokens
 
 log = logging.getLogger("taskrpc.web")
 
-MAX_CONNECTIONS = 64
-"""Most open connections; a further one closes the oldest whose request is unfinished. Event streams
-and WebSockets do not count."""
 REQUEST_TIMEOUT = 10.0
 """Seconds for one request and its response; then the connection is closed."""
 
@@ -48,6 +46,9 @@ _HEADERS = {
     "X-Content-Type-Options": "nosniff",
     "Referrer-Policy": "no-referrer",
 }
+RETRY_AFTER = "5"
+"""Seconds after which a client may repeat a request that got status 503."""
+_BUSY = "too many requests arrive at the same time; try again in some seconds\n"
 
 Upgrade: TypeAlias = Callable[[web.BaseRequest], Awaitable[web.StreamResponse]]
 """Answers a request for a WebSocket at `/`; it returns when the WebSocket is closed."""
@@ -120,7 +121,8 @@ class WebServer:
                 " (127.0.0.1, localhost, ::1) a certificate (tls) and a token are needed"
             )
         self._server: web.Server | None = None
-        self._places = _Places()
+        self._places = Places()
+        self._malformed = ThrottledLog(log)
         self._listener: Listener | None = None
 
     async def __aenter__(self) -> Self:
@@ -164,9 +166,11 @@ class WebServer:
 
     def _protocol(self) -> asyncio.BaseProtocol:
         assert self._server is not None, "connections come after the start"
-        return _Connection(self._server, self._places)
+        return _Connection(self._server, self._places, self._malformed)
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
+        connection = cast("_Connection", request.protocol)
+        connection.is_answered = True
         path, access = request.path, self._access(request)
         head = _head(request, access)
         if refusal := self._guard.refusal(head, access):
@@ -175,7 +179,6 @@ class WebServer:
                 error = "AuthenticationFailed" if refusal.status == 401 else "RequestError"
                 return _response(_problem(error, refusal.reason, refusal.status), access)
             return _response(Page(f"{refusal.reason}\n", status=refusal.status), access)
-        connection = cast("_Connection", request.protocol)
         if access is Access.CONNECT and self._upgrade is not None:
             connection.keep()
             response = await self._upgrade(request)
@@ -184,8 +187,11 @@ class WebServer:
             return response
         if path == "/live" and self._live is not None:
             return await self._stream(request, connection, self._live, head)
-        with self._places.kept(connection):
-            page = await self._page(request, head)
+        try:
+            with self._places.kept(connection, asyncio.get_running_loop().time()):
+                page = await self._page(request, head)
+        except TooManyRequests:
+            page = Page(_BUSY, status=503)
         return _response(page, access, request.headers.get("If-None-Match", ""))
 
     def _access(self, request: web.BaseRequest) -> Access:
@@ -233,7 +239,8 @@ class WebServer:
         try:
             tab, states = live.stream.open(connection)
         except TooManyTabs:
-            return _response(Page("too many live pages are open\n", status=503))
+            text = "too many live pages are open; close some of them, then try again\n"
+            return _response(Page(text, status=503))
         response = web.StreamResponse(headers={**_HEADERS, "X-Accel-Buffering": "no"})
         response.content_type = "text/event-stream"
         response.enable_chunked_encoding()
@@ -301,6 +308,8 @@ def _response(page: Page, access: Access = Access.MONITOR, known: str = "") -> w
             status, body = 304, b""
     if status == 401:
         headers["WWW-Authenticate"] = "Bearer"
+    if status == 503:
+        headers["Retry-After"] = RETRY_AFTER
     if status == 405:
         headers["Allow"] = "POST" if access is Access.CONTROL else "GET, HEAD"
     response = web.Response(body=body, status=status, headers=headers)
@@ -308,51 +317,45 @@ def _response(page: Page, access: Access = Access.MONITOR, known: str = "") -> w
     return response
 
 
-class _Places:
-    """The limited set of a server's connections; unfinished requests make room for new ones."""
+def _as_text(response: web.Response) -> bytes:
+    """Return a response as HTTP writes it."""
+    lines = [f"HTTP/1.1 {response.status} {response.reason}"]
+    lines += [f"{name}: {value}" for name, value in response.headers.items()]
+    body = cast("bytes", response.body)
+    lines += [f"Content-Length: {len(body)}", "Connection: close", "", ""]
+    return "\r\n".join(lines).encode() + body
 
-    def __init__(self) -> None:
-        self._open: dict[web.RequestHandler, asyncio.Transport] = {}
-        """Connections in order of arrival."""
-        self._answered: set[web.RequestHandler] = set()
-        """Connections whose response is being made."""
-        self.malformed = ThrottledLog(log)
 
-    def take(self, connection: web.RequestHandler, transport: asyncio.Transport) -> None:
-        """Add a connection; if there are too many, close the oldest with an unfinished request."""
-        self._open[connection] = transport
-        if len(self._open) > MAX_CONNECTIONS:
-            oldest = next(each for each in self._open if each not in self._answered)
-            self._open.pop(oldest).abort()
-
-    def leave(self, connection: web.RequestHandler) -> None:
-        """Remove a connection that has ended, or that stays open for long."""
-        self._open.pop(connection, None)
-
-    @contextlib.contextmanager
-    def kept(self, connection: web.RequestHandler) -> Iterator[None]:
-        """Protect a connection from being closed for another one inside the block."""
-        self._answered.add(connection)
-        try:
-            yield
-        finally:
-            self._answered.discard(connection)
+_NO_PLACE = _as_text(_response(Page(_BUSY, status=503)))
+"""The response to a connection that is closed before its request arrived."""
 
 
 class _Connection(web.RequestHandler):
     """A connection of aiohttp that is closed after `REQUEST_TIMEOUT` and logs no tracebacks."""
 
-    __slots__ = ("_is_other_user", "_places", "_tab", "_timer", "_writing", "is_full")
+    __slots__ = (
+        "_is_other_user",
+        "_malformed",
+        "_places",
+        "_tab",
+        "_timer",
+        "_writing",
+        "is_answered",
+        "is_full",
+    )
 
-    def __init__(self, server: web.Server, places: _Places) -> None:
+    def __init__(self, server: web.Server, places: Places, malformed: ThrottledLog) -> None:
         no_log: Any = None  # no log line for each request
         super().__init__(server, loop=asyncio.get_running_loop(), access_log=no_log)
         self._places = places
+        self._malformed = malformed
         self._timer: asyncio.TimerHandle | None = None
         self._writing: asyncio.Transport | None = None
         self._tab: Tab | None = None
         """The event stream of this connection; None for other requests."""
         self._is_other_user: bool | None = None
+        self.is_answered = False
+        """Whether the response has begun to be made."""
         self.is_full = False
         """Whether too many bytes are unread."""
 
@@ -370,13 +373,20 @@ class _Connection(web.RequestHandler):
         self._writing = writing = cast("asyncio.Transport", transport)
         # Abort, not close: with close, a peer that does not read would keep its connection.
         self._timer = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, writing.abort)
-        self._places.take(self, writing)
+        self._places.take(self, asyncio.get_running_loop().time())
 
     def connection_lost(self, exc: BaseException | None) -> None:
         self._leave()
         if self._tab is not None:
             self._tab.close()
         super().connection_lost(exc)
+
+    def make_room(self) -> None:
+        """Close at once, because new connections need the place; say so to the client."""
+        if self._writing is not None and not self._writing.is_closing():
+            if not self.is_answered:
+                self._writing.write(_NO_PLACE)  # the system has it before the connection is aborted
+            self._writing.abort()
 
     def keep(self, tab: Tab | None = None) -> None:
         """Let the connection stay open, for the event stream of a tab or for a WebSocket."""
@@ -442,4 +452,4 @@ class _Connection(web.RequestHandler):
     def _refused(self, problem: BaseException | None) -> None:
         now, peer = asyncio.get_running_loop().time(), shown(self.peername)
         text = "refused a request from %s: it is not valid HTTP (%s)"
-        self._places.malformed.warning(now, text, peer, type(problem).__name__)
+        self._malformed.warning(now, text, peer, type(problem).__name__)

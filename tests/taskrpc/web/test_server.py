@@ -16,7 +16,7 @@ import taskrpc
 from taskrpc.metrics import CONTENT_TYPE
 from taskrpc.tasks import MemoryStore, TaskServer
 from taskrpc.tasks.server import load_types
-from taskrpc.web import Page, WebServer, server, streams, task_pages
+from taskrpc.web import Page, WebServer, places, server, streams, task_pages
 from taskrpc.web.control import Control
 from taskrpc.web.live import Live
 from taskrpc.web.pages import static_files
@@ -124,7 +124,7 @@ async def test_hundreds_of_unfinished_requests_do_not_delay_a_page(web, unfinish
     monkeypatch.setattr(server, "REQUEST_TIMEOUT", 1_000)
     host, _, port = web.url.rpartition("/")[2].rpartition(":")
     unfinished_ones = []
-    for _ in range(4 * server.MAX_CONNECTIONS):
+    for _ in range(2 * places.MAX_UNFINISHED):
         _, writer = await asyncio.open_connection(host, int(port))
         writer.write(unfinished)
         unfinished_ones.append(writer)
@@ -135,7 +135,8 @@ async def test_hundreds_of_unfinished_requests_do_not_delay_a_page(web, unfinish
 
 
 async def test_page_in_progress_is_not_closed_for_new_connections(monkeypatch):
-    monkeypatch.setattr(server, "MAX_CONNECTIONS", 2)
+    monkeypatch.setattr(places, "MAX_CONNECTIONS", 1)
+    monkeypatch.setattr(places, "MAX_UNFINISHED", 1)
     asked, go_on = asyncio.Event(), asyncio.Event()
 
     async def slow():
@@ -150,8 +151,7 @@ async def test_page_in_progress_is_not_closed_for_new_connections(monkeypatch):
         await asked.wait()
         first, first_writer = await asyncio.open_connection(host, int(port))
         _, second_writer = await asyncio.open_connection(host, int(port))
-        with contextlib.suppress(ConnectionResetError):
-            assert await first.read() == b""
+        assert (await first.read()).startswith(b"HTTP/1.1 503 Service Unavailable\r\n")
         go_on.set()
         assert (await fetching).endswith(b"\r\n\r\nslow\n")
         first_writer.close()
@@ -452,12 +452,49 @@ async def test_64_pages_get_the_same_events_and_health_still_answers(page):
         assert len(page.stream) == 64
 
 
+async def test_each_of_200_pages_that_open_at_one_instant_gets_its_events_or_a_503(page):
+    host, _, port = page.url.rpartition("/")[2].rpartition(":")
+    request = f"GET /live HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode()
+    calling = [await asyncio.open_connection(host, int(port)) for _ in range(180)]
+    calling += await asyncio.gather(*(asyncio.open_connection(host, int(port)) for _ in range(20)))
+    for _, writer in calling:
+        writer.write(request)
+    heads = [await reader.readuntil(b"\r\n\r\n") for reader, _ in calling]
+    shown = [head for head in heads if head.startswith(b"HTTP/1.1 200 OK\r\n")]
+    refused = [head for head in heads if head.startswith(b"HTTP/1.1 503 Service Unavailable\r\n")]
+    assert len(shown) == streams.MAX_TABS
+    assert len(refused) == 200 - streams.MAX_TABS
+    assert all(b"\r\nRetry-After: 5\r\n" in head for head in refused)
+    for _, writer in calling:
+        writer.close()
+
+
+async def test_request_too_many_is_told_so(monkeypatch):
+    monkeypatch.setattr(places, "MAX_ANSWERED", 1)
+    asked, go_on = asyncio.Event(), asyncio.Event()
+
+    async def slow():
+        asked.set()
+        await go_on.wait()
+        return Page("slow\n")
+
+    async with WebServer({"/slow": slow}, listen="127.0.0.1:0") as web:
+        fetching = asyncio.create_task(fetch(f"{web.url}/slow"))
+        await asked.wait()
+        status, headers, text = await fetch(f"{web.url}/slow")
+        assert (status, headers["Retry-After"]) == (503, "5")
+        assert text == "too many requests arrive at the same time; try again in some seconds\n"
+        go_on.set()
+        assert (await fetching)[2] == "slow\n"
+
+
 async def test_one_page_too_many_is_told_so(page, monkeypatch):
     monkeypatch.setattr(streams, "MAX_TABS", 1)
     async with aiohttp.request("GET", f"{page.url}/live") as response:
         await next_events(response, "hello")
-        status, _, text = await fetch(f"{page.url}/live")
-        assert (status, text) == (503, "too many live pages are open\n")
+        status, headers, text = await fetch(f"{page.url}/live")
+        problem = "too many live pages are open; close some of them, then try again\n"
+        assert (status, headers["Retry-After"], text) == (503, "5", problem)
 
 
 async def test_pages_that_are_reset_at_once_leave_nothing_and_log_no_traceback(page, caplog):
