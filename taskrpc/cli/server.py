@@ -151,14 +151,27 @@ def _add_security_options(parser: argparse.ArgumentParser) -> None:
 
 async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int:
     """Serve until the process gets a signal; returns the signal's number."""
+    monitoring = _monitoring(options, remote.remote_of(options))
+    recorder = _recorder(options)
+    try:
+        return await _serve_with(options, robot, monitoring, recorder)
+    finally:
+        if recorder is not None:  # a server that could not start leaves no recording
+            await recorder.close()
+
+
+async def _serve_with(
+    options: argparse.Namespace,
+    robot: Callable[[], Robot],
+    monitoring: Monitoring | None,
+    recorder: RunRecorder | None,
+) -> int:
     from taskrpc.node import Node
     from taskrpc.program import stop_requested
     from taskrpc.robot import KinematicRobot
     from taskrpc.tasks import SqliteStore, TaskServer
 
     access = remote.remote_of(options)
-    monitoring = _monitoring(options, access)
-    recorder = _recorder(options)
     node = Node(
         "task_server",
         namespace="/",  # in a lab too: clients call /robot_task

@@ -7,6 +7,7 @@ finished and of unfinished files, with and without chunks, also those of rosbag2
 
 from __future__ import annotations
 
+import contextlib
 import os
 import struct
 from collections.abc import Callable, Iterator
@@ -134,6 +135,14 @@ class RecordingWriter:
         finally:
             self._is_open = False
             os.close(self._file)
+
+    def discard(self) -> None:
+        """Close the file and remove it; the writer has made it, so nothing else is lost."""
+        if self._is_open:
+            self._is_open = False
+            os.close(self._file)
+            with contextlib.suppress(OSError):
+                self.path.unlink()
 
     def _summary(self) -> bytes:
         """Return the end of the file: the schemas and topics again, the counts, the footer."""

@@ -1,12 +1,11 @@
 """Records a whole run of a task server: its calls, its topics, and every decision.
 
 `taskrpc-server --record FILE` uses it: `calls` for the node, `journal` for the task server and
-the robot, then `follow` once the server has started.
+the robot, then `follow` once the server has started. Without `follow`, `close` removes the file.
 """
 
 from __future__ import annotations
 
-import asyncio
 import logging
 import os
 import time
@@ -41,9 +40,8 @@ from taskrpc.tasks.server import TaskServer
 
 log = logging.getLogger("taskrpc.recording")
 
-_PERIOD = 0.02
-"""Minimum seconds between two looks at changed tasks."""
-_NO_TIMEOUT = 86_400.0
+_PROGRESS_PERIOD = 20_000_000
+"""Minimum nanoseconds between two lines about the running task's progress."""
 _KEPT_GIDS = 4096
 """Clients whose identity is remembered; it is computed again when needed."""
 
@@ -67,10 +65,17 @@ class RunRecorder:
         self._encode = msgspec.json.Encoder().encode
         self._decisions = self._writer.add_json_topic(DECISIONS_TOPIC)
         self._is_open = True
+        self._has_begun = False
+        """Whether the server has started."""
         self.calls = CallRecorder(self)
         """The observer: records the calls of the node that gets it."""
         self._recorder: Recorder | None = None
-        self._watcher: asyncio.Task[None] | None = None
+        self._server: TaskServer | None = None
+        self._known: dict[int, Task] = {}
+        """The last written values of the tasks that have not ended."""
+        self._paused = False
+        self._progress_at = 0
+        """When a progress was last written, in nanoseconds since 1970."""
 
     @property
     def writer(self) -> RecordingWriter:
@@ -91,26 +96,31 @@ class RunRecorder:
         self.journal(RunStart(name, service, address, version("taskrpc"), speed, names))
         for each in services:  # now, so that it does not delay the first call
             self.calls.add_service(each.name, each.type_name)
+        self._server = server
         for task in list(manager.repository.tasks()):
-            self.journal(TaskChange(task))
-        self.journal(PauseChange(manager.is_paused))
+            self._write_task(task)
+        self._paused = manager.is_paused
+        self.journal(PauseChange(self._paused))
+        manager.change_feed.add_listener(self._changed)
         selection = Selection(topics=[f"{service}/events", f"{service}/pose"])
         self._recorder = Recorder(node, self._writer, selection, self.fail, self.clock)
         self._recorder.update(own)
-        self._watcher = asyncio.get_running_loop().create_task(self._watch(server))
+        self._has_begun = True
 
     async def close(self) -> None:
-        """Write the last changes and the summary, and close the file."""
-        if self._watcher is not None:
-            self._watcher.cancel()
-            await asyncio.wait((self._watcher,))
+        """Write the summary and close the file. If nothing was followed, remove the file."""
         if self._recorder is not None:
             self._recorder.close()
-        self._is_open = False
+            self._recorder = None
+        was_open, self._is_open = self._is_open, False
+        if not self._has_begun:
+            self._writer.discard()
+            return
         try:
             self._writer.close()
         except RecordingError as error:
-            log.error("%s", error)
+            if was_open:  # otherwise the log says it already
+                log.error("%s", error)
 
     def write(self, topic: int, data: bytes) -> None:
         """Write a message with the present time."""
@@ -126,41 +136,36 @@ class RunRecorder:
             self._is_open = False
             log.error("the recording ends here: %s", error)
 
-    async def _watch(self, server: TaskServer) -> None:
-        """Write every changed task."""
-        manager, known = server.manager, dict[int, Task]()
-        feed = manager.change_feed
-        revision, paused = feed.revision, manager.is_paused
+    def _changed(self, task_id: int | None) -> None:
+        """Write a change at once, before the server responds: a killed server has recorded it."""
         try:
-            while not feed.is_closed:
-                await feed.wait_for_change(revision, _NO_TIMEOUT)
-                changed, revision = feed.changed_since(revision), feed.revision
-                self._write_changes(server, changed, known)
-                if manager.is_paused != paused:
-                    paused = manager.is_paused
-                    self.journal(PauseChange(paused))
-                await asyncio.sleep(_PERIOD)
-        finally:  # the end of the running task comes after the feed is closed
-            self._write_changes(server, feed.changed_since(revision), known)
+            self._write_change(task_id)
+        except Exception as error:  # the server must not depend on its recording
+            self.fail(error)
 
-    def _write_changes(
-        self, server: TaskServer, changed: list[int] | None, known: dict[int, Task]
-    ) -> None:
-        repository = server.manager.repository
-        if changed is None:
-            changed = [task.task_id for task in repository.tasks()]
-        for task_id in changed:
-            task = repository.find(task_id)
-            if task is None or task == known.get(task_id):
-                continue
-            before = known.get(task_id)
-            known[task_id] = task
-            if before is not None and task == _with_progress(before, task.progress):
-                self.journal(ProgressMade(task_id, task.progress))
-            else:
-                self.journal(TaskChange(task))
-            if task.state.is_ended:
-                del known[task_id]  # a server may run for weeks
+    def _write_change(self, task_id: int | None) -> None:
+        assert self._server is not None, "listens after the start"
+        manager = self._server.manager
+        if manager.is_paused != self._paused:
+            self._paused = manager.is_paused
+            self.journal(PauseChange(self._paused))
+        task = None if task_id is None else manager.repository.find(task_id)
+        if task is not None and task != self._known.get(task.task_id):
+            self._write_task(task)
+
+    def _write_task(self, task: Task) -> None:
+        before = self._known.get(task.task_id)
+        if before is not None and task == _with_progress(before, task.progress):
+            now = self.clock()
+            if 0 <= now - self._progress_at < _PROGRESS_PERIOD:
+                return  # a robot may report its progress thousands of times a second
+            self._progress_at = now
+            self.journal(ProgressMade(task.task_id, task.progress))
+        else:
+            self.journal(TaskChange(task))
+        self._known[task.task_id] = task
+        if task.state.is_ended:
+            del self._known[task.task_id]  # a server may run for weeks
 
 
 def _with_progress(task: Task, progress: float) -> Task:

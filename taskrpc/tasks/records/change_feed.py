@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from collections.abc import Callable
 from itertools import takewhile
+from typing import TypeAlias
+
+ChangeListener: TypeAlias = Callable[[int | None], object]
+"""Gets the task that has changed, None for the whole queue; it must be quick and not raise."""
 
 
 class ChangeFeed:
@@ -24,6 +29,7 @@ class ChangeFeed:
         self._known_from = revision  # changes up to this revision may have been forgotten
         self._next: asyncio.Future[None] | None = None  # resolved by the next announcement
         self._is_closed = False
+        self._listeners: list[ChangeListener] = []
 
     @property
     def is_closed(self) -> bool:
@@ -35,6 +41,10 @@ class ChangeFeed:
         self._is_closed = True
         self._wake()
 
+    def add_listener(self, listener: ChangeListener) -> None:
+        """Call a function at each change, before any watcher; also after `close`."""
+        self._listeners.append(listener)
+
     def announce(self, task_id: int | None = None) -> None:
         """Wake the watchers: this task has changed, or without `task_id` the whole queue."""
         self.revision += 1
@@ -43,6 +53,8 @@ class ChangeFeed:
             self._changed_at[task_id] = self.revision
             if len(self._changed_at) > self._capacity:
                 self._known_from = self._changed_at.pop(next(iter(self._changed_at)))
+        for listener in self._listeners:
+            listener(task_id)
         self._wake()
 
     def changed_since(self, revision: int) -> list[int] | None:

@@ -1,5 +1,6 @@
 """`taskrpc-server` refuses what it cannot start with: one clear line, before it serves."""
 
+import socket
 import sys
 
 import pytest
@@ -78,3 +79,35 @@ def test_standby_refuses_options_that_start_with_other_tasks(run, options):
     assert code == 2
     refused = f"--standby continues the tasks of another server; do not use it with {options[0]}"
     assert refused in err
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("option", ["--listen", "--web"])
+def test_server_that_cannot_start_leaves_no_recording(server, tmp_path, option):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        place = f"127.0.0.1:{taken.getsockname()[1]}"
+        code, err = server("--record", "run.mcap", option, place)
+    assert code == 1
+    assert f"cannot listen at {place}" in err
+    assert not (tmp_path / "run.mcap").exists()
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--map", "nowhere.yaml"], ["--tls-cert", "nowhere.pem", "--tls-key", "nowhere.pem"]],
+)
+def test_server_with_a_mistake_leaves_no_recording(server, tmp_path, options):
+    assert server("--record", "run.mcap", *options)[0] in (1, 2)
+    assert not (tmp_path / "run.mcap").exists()
+
+
+def test_recording_never_replaces_a_file(server, tmp_path):
+    (tmp_path / "run.mcap").write_bytes(b"precious")
+    code, err = server("--record", "run.mcap", "--tls-cert", "nowhere.pem")
+    assert code in (1, 2)
+    code, err = server("--record", "run.mcap")
+    assert code == 1
+    assert err == (
+        "cannot record to run.mcap: the file exists already; choose another name or remove it\n"
+    )
+    assert (tmp_path / "run.mcap").read_bytes() == b"precious"

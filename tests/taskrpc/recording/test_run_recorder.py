@@ -2,12 +2,23 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import msgspec
 
 import srvgen
+from taskrpc.recording import run_recorder
 from taskrpc.recording.calls import CALLS_TOPIC, CallEnd
-from taskrpc.recording.decisions import DECISIONS_TOPIC, RunStart, TaskChange, decision_of
+from taskrpc.recording.decisions import (
+    DECISIONS_TOPIC,
+    PauseChange,
+    ProgressMade,
+    RunStart,
+    TaskChange,
+    decision_of,
+)
 from taskrpc.recording.mcap_file import Recording
+from taskrpc.recording.run_recorder import RunRecorder
 from taskrpc.tasks.model import TaskState
 from tests.taskrpc.recording.conftest import START, Run
 
@@ -63,3 +74,41 @@ async def test_recorder_that_the_disk_refuses_leaves_the_server_alone(tmp_path, 
         run.recorder.fail(OSError("No space left on device"))
         assert await run.submit("move", "dock", 5) == 1
     assert caplog.text.count("the recording ends here: No space left on device") == 1
+
+
+async def test_change_of_a_task_is_written_before_its_response(tmp_path):
+    async with Run(tmp_path / "a.mcap") as run:
+        number = await run.submit("move", "dock", 5)
+        await run.call("pause", "PauseTasks")
+        written = [decision_of(message) for message in found(run.path, DECISIONS_TOPIC)]
+    changes = [each.task.task_id for each in written if isinstance(each, TaskChange)]
+    assert changes[-1] == number
+    assert [each.paused for each in written if isinstance(each, PauseChange)] == [False, True]
+
+
+async def test_progress_is_written_at_most_every_20_ms(tmp_path):
+    async with Run(tmp_path / "a.mcap") as run:
+        number = await run.submit("move", "warehouse", 5)
+        await asyncio.sleep(1)
+        given = [0.5 + each / 10_000 for each in range(100)]
+        for progress in given:
+            run.server.manager.repository.announce_progress(number, progress)
+    written = [decision_of(message) for message in found(run.path, DECISIONS_TOPIC)]
+    made = [each.progress for each in written if isinstance(each, ProgressMade)]
+    assert made
+    assert len(set(made) & set(given)) <= 1
+
+
+async def test_mistake_of_the_recorder_ends_the_recording_only(tmp_path, caplog, monkeypatch):
+    async with Run(tmp_path / "a.mcap") as run:
+        monkeypatch.setattr(run_recorder, "TaskChange", lambda task: 1 / 0)
+        assert await run.submit("move", "dock", 5) == 1
+    assert caplog.text.count("the recording ends here: division by zero") == 1
+
+
+async def test_recorder_of_a_server_that_did_not_start_leaves_no_file(tmp_path):
+    recorder = RunRecorder(tmp_path / "a.mcap")
+    recorder.journal(PauseChange(False))
+    await recorder.close()
+    await recorder.close()
+    assert not list(tmp_path.iterdir())

@@ -77,3 +77,13 @@ async def test_closed_change_feed_ends_all_its_watchers():
     feed.close()
     assert await asyncio.wait_for(asyncio.gather(*watchers), 0.001) == [False] * 3
     assert not await asyncio.wait_for(feed.wait_for_change(feed.revision, 60), 0.001)
+
+
+def test_listener_gets_each_change_at_once_also_after_the_end():
+    feed, heard = ChangeFeed(), []
+    feed.add_listener(heard.append)
+    feed.announce(3)
+    feed.announce()
+    feed.close()
+    feed.announce(4)
+    assert heard == [3, None, 4]
