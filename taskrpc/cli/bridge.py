@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import hmac
 import os
-import re
 import signal
 import sys
 
 from taskrpc.cli.shared import remote
 from taskrpc.cli.shared.command import Exit, tune_for_long_run
-from taskrpc.cli.shared.parsing import add_command, add_group
+from taskrpc.cli.shared.parsing import add_allow_origin, add_command, add_group
 from taskrpc.errors import TaskRpcError
 
 _PLACE = "127.0.0.1:9090"
@@ -27,20 +26,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = rosbridge.add_argument
     what = f"the address for WebSockets ({_PLACE})"
     add("--listen", metavar="HOST:PORT", type=remote.place, default=_PLACE, help=what)
-    what = "also let pages of this server connect, such as http://lab.local:8000; null for files"
-    add("--allow-origin", metavar="ORIGIN", type=_origin, action="append", default=[], help=what)
+    add_allow_origin(rosbridge)
     add("--token-file", metavar="FILE", help="a file with the token that other machines must send")
     add("--tls-cert", metavar="FILE", help="the certificate of this gateway (PEM)")
     add("--tls-key", metavar="FILE", help="its key (PEM)")
     rosbridge.set_defaults(run=_rosbridge, connect=None, tls_ca=None)
-
-
-def _origin(text: str) -> str:
-    """Return a valid origin. Raises argparse's ArgumentTypeError."""
-    if text != "null" and not re.fullmatch(r"https?://[^/?#@\s]+", text, re.IGNORECASE):
-        problem = f"expected an origin such as http://lab.local:8000, got {text!r}"
-        raise argparse.ArgumentTypeError(problem)
-    return text
 
 
 def _rosbridge(options: argparse.Namespace) -> int:

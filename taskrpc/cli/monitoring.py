@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Container
+from collections.abc import Callable, Container, Sequence
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -45,14 +45,20 @@ if TYPE_CHECKING:
 
 
 class Monitoring:
-    """Measures a server, and serves its pages and its live page at HOST:PORT."""
+    """Measures a server, and serves its pages and its live page at HOST:PORT.
 
-    def __init__(self, place: str, access: Remote, accounts: str | None) -> None:
+    Pages of `origins` may open a WebSocket there too, besides those of this machine.
+    """
+
+    def __init__(
+        self, place: str, access: Remote, accounts: str | None, origins: Sequence[str] = ()
+    ) -> None:
         self.metrics = Metrics()
         self._calls = CallLog()
         self.observer = Observers(self.metrics, self._calls)
         """Receives the events of the node."""
         self._place = place
+        self._origins = origins
         self._tls = access.tls
         self._token = access.token or os.environ.get("TASKRPC_TOKEN") or ""
         self._accounts = AccountSource(accounts) if accounts else None
@@ -86,6 +92,7 @@ class Monitoring:
             may_look=may_look,
             live=live,
             upgrade=rosbridge.handle,
+            origins=self._origins,
         )
         if not is_loopback(host):
             known = self._accounts.current if self._accounts is not None else None

@@ -20,7 +20,7 @@ from srvgen.cli import process
 from taskrpc import logs, platform
 from taskrpc.cli.shared import remote
 from taskrpc.cli.shared.command import Exit, UsageError, run_main, tune_for_long_run
-from taskrpc.cli.shared.parsing import Parser, number, whole
+from taskrpc.cli.shared.parsing import Parser, add_allow_origin, number, whole
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
@@ -59,6 +59,9 @@ def _run(arguments: list[str]) -> Exit:
     if options.standby and (options.fresh or options.db == ":memory:"):
         other = "--fresh" if options.fresh else "--db :memory:"
         problem = f"--standby continues the tasks of another server; do not use it with {other}"
+        raise UsageError(f"taskrpc-server: error: {problem}")
+    if options.allow_origin and not options.web:
+        problem = "--allow-origin is for pages that use the live page's address: give --web too"
         raise UsageError(f"taskrpc-server: error: {problem}")
     handler = logs.handler(options.log_format)
     logging.basicConfig(level=options.log_level.upper(), handlers=[handler])
@@ -112,6 +115,7 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--keepalive", choices=["default", "robot"], help=found)
     web = "serve the live page there over HTTP, rosbridge, /health and /metrics"
     add("--web", metavar="HOST:PORT", type=remote.place, help=web)
+    add_allow_origin(parser)
     record = "record the whole run to this new MCAP file; see taskrpc bag"
     add("--record", metavar="FILE", help=record)
     levels = ["debug", "info", "warning", "error"]
@@ -251,7 +255,7 @@ def _monitoring(options: argparse.Namespace, access: remote.Remote) -> Monitorin
         return None
     from taskrpc.cli.monitoring import Monitoring  # slow to import; most servers show no pages
 
-    return Monitoring(options.web, access, options.accounts)
+    return Monitoring(options.web, access, options.accounts, options.allow_origin)
 
 
 async def _claimed(

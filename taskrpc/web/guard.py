@@ -100,8 +100,9 @@ class Guard:
         host = head.hosts[0].lower()
         if not host or (host not in self._names and host != head.local):
             return Refusal(421, "this server does not have this name; use its address")
-        if not all(self._is_allowed(origin.lower(), host, access) for origin in head.origins):
-            return Refusal(403, "requests from pages of other servers are refused")
+        for origin in head.origins:
+            if not self._is_allowed(origin.lower(), host, access):
+                return _origin_refusal(origin, access)
         return self._token_refusal(head, access)
 
     def _is_allowed(self, origin: str, host: str, access: Access) -> bool:
@@ -147,6 +148,13 @@ class Guard:
             return self._may_view(head)
         holder = self.holder(head)
         return holder is not None and not holder.account
+
+
+def _origin_refusal(origin: str, access: Access) -> Refusal:
+    if access is not Access.CONNECT:
+        return Refusal(403, "requests from pages of other servers are refused")
+    allow = f"the server allows it with --allow-origin {origin[:100]}"
+    return Refusal(403, f"a page of another server may not open a WebSocket here; {allow}")
 
 
 def own_names(listened: str, port: int, *, machine: str) -> list[str]:

@@ -123,6 +123,7 @@ class WebServer:
         self._server: web.Server | None = None
         self._places = Places()
         self._malformed = ThrottledLog(log)
+        self._refused = ThrottledLog(log)
         self._listener: Listener | None = None
 
     async def __aenter__(self) -> Self:
@@ -174,6 +175,9 @@ class WebServer:
         path, access = request.path, self._access(request)
         head = _head(request, access)
         if refusal := self._guard.refusal(head, access):
+            if access is Access.CONNECT:  # a browser does not show the reason to its user
+                now, text = asyncio.get_running_loop().time(), "refused a WebSocket of %s: %s"
+                self._refused.warning(now, text, request.remote, refusal.reason)
             log.debug("refused %s: %s", request.remote, refusal.reason)
             if access is Access.CONTROL:
                 error = "AuthenticationFailed" if refusal.status == 401 else "RequestError"

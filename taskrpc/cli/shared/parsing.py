@@ -100,6 +100,21 @@ def whole(least: int, most: int | None = None) -> Callable[[str], int]:
     return parse
 
 
+def add_allow_origin(parser: argparse.ArgumentParser) -> None:
+    """Give a command that serves WebSockets the option for pages of other servers."""
+    what = "also let pages of this server connect, such as http://lab.local:8000; null for files"
+    add = parser.add_argument
+    add("--allow-origin", metavar="ORIGIN", type=_origin, action="append", default=[], help=what)
+
+
+def _origin(text: str) -> str:
+    """Return a valid origin. Raises argparse's ArgumentTypeError."""
+    if text != "null" and not re.fullmatch(r"https?://[^/?#@\s]+", text, re.IGNORECASE):
+        problem = f"expected an origin such as http://lab.local:8000, got {text!r}"
+        raise argparse.ArgumentTypeError(problem)
+    return text
+
+
 def print_help(parser: argparse.ArgumentParser) -> Exit:
     """Print a parser's help."""
     parser.print_help()

@@ -3,6 +3,7 @@
 import hmac
 import time
 
+import aiohttp
 import pytest
 import trustme
 
@@ -104,3 +105,24 @@ async def test_missing_token_and_accounts_beyond_this_machine_are_refused(tls):
         server = TaskServer(node, LineRobot(), FullStore())
         with pytest.raises(taskrpc.CannotListen, match=r"a certificate \(tls\) and a token"):
             Monitoring("0.0.0.0:0", Remote(tls=tls), None).web(server, node)
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize(
+    ("origins", "status"), [((), 403), (["http://lab.local:8000"], 101), (["http://x.local"], 403)]
+)
+async def test_page_of_an_allowed_origin_may_open_a_websocket(origins, status):
+    async with taskrpc.Node("task_server", transport="memory") as node:
+        server = TaskServer(node, LineRobot(), FullStore())
+        web = Monitoring("127.0.0.1:0", Remote(), None, origins).web(server, node)
+        async with web, aiohttp.ClientSession() as http:
+            try:
+                async with http.ws_connect(web.url, origin="http://lab.local:8000"):
+                    found = 101
+            except aiohttp.WSServerHandshakeError as refused:
+                found = refused.status
+            assert found == status
+            # The pages themselves stay closed to pages of other servers.
+            headers = {"Origin": "http://lab.local:8000"}
+            async with http.get(f"{web.url}/live", headers=headers) as response:
+                assert response.status == 403

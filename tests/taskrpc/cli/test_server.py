@@ -73,6 +73,19 @@ def test_option_out_of_range_is_named(server, options):
     assert f"argument {options[0]}: expected a " in err
 
 
+@pytest.mark.parametrize(
+    ("options", "problem"),
+    [
+        (["--allow-origin", "lab:8000"], "expected an origin such as http://lab.local:8000"),
+        (["--allow-origin", "http://lab.local:8000"], "give --web too"),
+    ],
+)
+def test_unusable_origin_is_refused(server, options, problem):
+    code, err = server(*options)
+    assert code == 2
+    assert problem in err
+
+
 @pytest.mark.parametrize("options", [["--fresh"], ["--db", ":memory:"]])
 def test_standby_refuses_options_that_start_with_other_tasks(run, options):
     code, _, err = run("--standby", *options, command=main)

@@ -199,6 +199,16 @@ def test_websocket_accepts_pages_of_this_machine_and_of_allowed_origins(origin, 
     assert granted(Access.LOOK, **head) == 403
 
 
+def test_refusal_of_a_websocket_names_the_option_that_allows_the_page():
+    head = Head("GET", ["127.0.0.1:8080"], origins=["http://lab.local:8000"])
+    refusal = Guard(["127.0.0.1:8080"]).refusal(head, Access.CONNECT)
+    assert refusal is not None
+    assert refusal.reason == (
+        "a page of another server may not open a WebSocket here;"
+        " the server allows it with --allow-origin http://lab.local:8000"
+    )
+
+
 @given(st.text(), st.sampled_from(list(Access)), st.booleans(), st.text(max_size=20))
 def test_no_text_without_a_token_gives_control(text, access, is_other_user, origin):
     tokens = Tokens()

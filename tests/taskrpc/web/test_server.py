@@ -539,7 +539,7 @@ async def test_page_that_does_not_read_is_closed_and_holds_few_bytes(folder, mon
         writer.close()
 
 
-async def test_websocket_upgrade_at_the_root_is_passed_on(folder):
+async def test_websocket_upgrade_at_the_root_is_passed_on(folder, caplog):
     async def echo(request):
         socket = aiohttp.web.WebSocketResponse()
         await socket.prepare(request)
@@ -555,6 +555,8 @@ async def test_websocket_upgrade_at_the_root_is_passed_on(folder):
         with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
             await session.ws_connect(page.url, headers={"Origin": "http://evil.example"})
         assert refused.value.status == 403
+        assert "refused a WebSocket of 127.0.0.1: a page of another server may not" in caplog.text
+        assert "--allow-origin http://evil.example" in caplog.text
         assert (await fetch(f"{page.url}/"))[2] == "<!doctype html>"
 
 
