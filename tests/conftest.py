@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import os
+import shutil
 import signal
 import sys
 from pathlib import Path
@@ -66,11 +67,28 @@ def pytest_ignore_collect(collection_path, config):
     return True if left_out else None
 
 
-def pytest_configure():
+def pytest_configure(config):
     """Let programs that tests start get SIGINT, even if pytest runs in the background."""
     # A script that starts a process with `&` lets it ignore SIGINT.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    _keep_bytecode(config)
+
+
+def _keep_bytecode(config):
+    """Compile each module once for all sessions, in this process and in those that it starts.
+
+    Compiling took two thirds of collecting. The bytecode is in pytest's own folder, so it also
+    works where the environment allows none beside the sources.
+    """
+    if cache := getattr(config, "cache", None):
+        patch = pytest.MonkeyPatch()
+        config.add_cleanup(patch.undo)
+        folder = str(cache.mkdir("bytecode"))
+        patch.setenv("PYTHONPYCACHEPREFIX", folder)
+        patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
+        patch.setattr(sys, "pycache_prefix", folder)
+        patch.setattr(sys, "dont_write_bytecode", False)
 
 
 def pytest_asyncio_loop_factories(config, item):
@@ -92,21 +110,25 @@ def pytest_terminal_summary(terminalreporter):
             terminalreporter.line(f"{name}: {counts}")
 
 
+def pytest_collection():
+    """Whatever collecting makes lives to the end: no collection of garbage walks it."""
+    gc.disable()
+
+
 def pytest_collection_finish():
-    """Whatever collecting has made lives to the end: no collection of garbage walks it again."""
+    """From here on garbage is collected, but never among what collecting has made."""
+    gc.enable()
     gc.collect()
     gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _shared_bytecode(tmp_path_factory):
-    """Programs that tests start compile each module once a session, and never in the checkout."""
-    base = tmp_path_factory.getbasetemp()
-    session = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPYCACHEPREFIX", str(session / "bytecode"))
-        patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
-        yield
+def _no_bytecode_of_temporary_programs(tmp_path_factory):
+    """What tests wrote into temporary folders leaves no bytecode for the next sessions."""
+    yield
+    if bytecode := os.environ.get("PYTHONPYCACHEPREFIX"):
+        base = tmp_path_factory.getbasetemp()
+        shutil.rmtree(Path(bytecode) / base.relative_to(base.anchor), ignore_errors=True)
 
 
 @pytest.fixture(scope="session")
