@@ -64,6 +64,7 @@ class Monitoring:
         self._accounts = AccountSource(accounts) if accounts else None
         self.tokens = Tokens(self._token, self._accounts)
         """The tokens that the live page accepts."""
+        self._rosbridge: RosbridgeServer | None = None
 
     def measured(self, store: TaskStore) -> TaskStore:
         """Return the store with metrics of its commits."""
@@ -84,14 +85,14 @@ class Monitoring:
         host, _ = split_place(self._place)
         # The certificate of a class is for its laptops: the lecturer's browser would warn of it.
         tls = None if class_folder is not None and is_loopback(host) else self._tls
-        rosbridge = RosbridgeServer(node, may_connect=self._is_own_token)
+        self._rosbridge = RosbridgeServer(node, may_connect=self._is_own_token)
         web = WebServer(
             pages,
             listen=self._place,
             tls=tls,
             may_look=may_look,
             live=live,
-            upgrade=rosbridge.handle,
+            upgrade=self._rosbridge.handle,
             origins=self._origins,
         )
         if not is_loopback(host):
@@ -113,6 +114,8 @@ class Monitoring:
                 yield web
             finally:
                 noted.close()
+                if self._rosbridge is not None:
+                    await self._rosbridge.close()
 
     def _students(
         self, node: Node, class_folder: str | None

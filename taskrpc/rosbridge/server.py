@@ -29,8 +29,9 @@ _SILENCE, _DEAD_AFTER = 20.0, 60.0
 """Seconds without a byte after which the kernel probes a client, and seconds without an
 acknowledgement after which it ends the connection. Pings of WebSocket would be shorter, but some
 clients answer them only while their program waits for a message."""
-_CLOSE_TIMEOUT = 1.0
-"""Seconds for a client to confirm that the connection ends."""
+_CLOSE_TIMEOUT = 0.5
+"""Seconds for a client to read that the server ends, and to confirm it."""
+_ENDING = "the server is ending"
 
 
 class RosbridgeServer:
@@ -45,6 +46,7 @@ class RosbridgeServer:
         self._bridge = Bridge(node)
         self._may_connect = may_connect
         self._clients: set[_ClientConnection] = set()
+        self._is_closed = False
 
     async def handle(self, request: web.BaseRequest) -> web.StreamResponse:
         """Accept a WebSocket request and serve the client until it leaves.
@@ -56,6 +58,8 @@ class RosbridgeServer:
             token = given.partition(" ")[2].strip()
             if self._may_connect is not None and not self._may_connect(token):
                 return _refusal(403, "expected the server's own token; rosbridge has no accounts")
+        if self._is_closed:
+            return _refusal(503, _ENDING)
         if len(self._clients) >= MAX_CLIENTS:
             return _refusal(503, f"{MAX_CLIENTS} clients are connected, which is the limit")
         socket = web.WebSocketResponse(
@@ -75,7 +79,8 @@ class RosbridgeServer:
         return socket
 
     async def close(self) -> None:
-        """Close all connections."""
+        """Tell all clients that the server ends, and close their connections; accept no more."""
+        self._is_closed = True
         await asyncio.gather(*(client.close() for client in list(self._clients)))
 
 
@@ -117,9 +122,12 @@ class _ClientConnection:
                 await writer
 
     async def close(self) -> None:
-        """End the connection."""
-        with contextlib.suppress(ConnectionError):
-            await self._socket.close(code=WSCloseCode.GOING_AWAY, message=b"the server is ending")
+        """End the connection with the code 1001; a client that does not read gets no more time."""
+        with contextlib.suppress(ConnectionError, TimeoutError):
+            async with asyncio.timeout(_CLOSE_TIMEOUT):
+                await self._socket.close(code=WSCloseCode.GOING_AWAY, message=_ENDING.encode())
+        if self._transport is not None:
+            self._transport.abort()
 
     @property
     def _unread(self) -> int:

@@ -32,6 +32,8 @@ log = logging.getLogger("taskrpc.web")
 
 REQUEST_TIMEOUT = 10.0
 """Seconds for one request and its response; then the connection is closed."""
+_END_GRACE = 0.1
+"""Seconds for requests in progress when the server ends. aiohttp takes 0 for no limit."""
 
 CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:;"
@@ -160,7 +162,7 @@ class WebServer:
                 self._live.stream.close("the server is ending")
                 await asyncio.sleep(0)  # the streams end before their connections
                 await self._live.control.close()
-            await self._server.shutdown(0.0)
+            await self._server.shutdown(_END_GRACE)
 
     def _tls_context(self) -> ssl.SSLContext | None:
         return None if self._tls is None else self._tls.context()
@@ -188,6 +190,7 @@ class WebServer:
             response = await self._upgrade(request)
             if not response.prepared:  # a refusal, as text; otherwise the WebSocket has ended
                 response.headers.update(_HEADERS)
+                response.force_close()
             return response
         if path == "/live" and self._live is not None:
             return await self._stream(request, connection, self._live, head)

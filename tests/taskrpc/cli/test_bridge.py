@@ -17,21 +17,27 @@ def test_gateway_serves_until_sigterm():
         ready = process.stderr.readline()
         assert ready.startswith("taskrpc bridge ready: rosbridge at ws://127.0.0.1:")
         try:
-            names, page = asyncio.run(_names_and_page(ready.split()[-1].replace("ws", "http", 1)))
+            url = ready.split()[-1].replace("ws", "http", 1)
+            names, page, last = asyncio.run(_received(url, process))
+            assert process.wait(60) == 0 or sys.platform == "win32"
         finally:
-            process.terminate()
-        assert process.wait(60) == 0 or sys.platform == "win32"
+            process.kill()
     assert names == ["/rosbridge_websocket"]
     assert page.startswith("This address speaks rosbridge v2")
+    if sys.platform != "win32":  # there, `terminate` gives a process no time
+        assert last == (1001, "the server is ending")
 
 
-async def _names_and_page(url):
-    async with aiohttp.ClientSession() as http:
-        async with http.ws_connect(url) as socket:
-            await socket.send_json({"op": "call_service", "service": "/rosapi/nodes"})
-            response = await socket.receive_json()
+async def _received(url, process):
+    """The names of nodes, the page, and the code and reason with which the gateway ends."""
+    async with aiohttp.ClientSession() as http, http.ws_connect(url) as socket:
+        await socket.send_json({"op": "call_service", "service": "/rosapi/nodes"})
+        response = await socket.receive_json()
         async with http.get(url) as page:
-            return response["values"]["nodes"], await page.text()
+            text = await page.text()
+        process.terminate()
+        end = await asyncio.wait_for(socket.receive(), 60)
+        return response["values"]["nodes"], text, (end.data, end.extra)
 
 
 @pytest.mark.parametrize(

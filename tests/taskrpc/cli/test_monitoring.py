@@ -1,5 +1,6 @@
-"""Beyond this machine, the pages of `taskrpc-server --web` need a valid token."""
+"""The pages of `taskrpc-server --web`: who may see them, and how their server ends."""
 
+import asyncio
 import hmac
 import time
 
@@ -126,3 +127,16 @@ async def test_page_of_an_allowed_origin_may_open_a_websocket(origins, status):
             headers = {"Origin": "http://lab.local:8000"}
             async with http.get(f"{web.url}/live", headers=headers) as response:
                 assert response.status == 403
+
+
+@pytest.mark.real_time
+async def test_clients_of_rosbridge_are_told_that_the_server_ends():
+    async with taskrpc.Node("task_server", transport="memory") as node:
+        server = TaskServer(node, LineRobot(), FullStore())
+        watch = Monitoring("127.0.0.1:0", Remote(), None)
+        async with aiohttp.ClientSession() as http:
+            async with watch.serving(watch.web(server, node)) as web:
+                socket = await http.ws_connect(web.url)
+                end = asyncio.ensure_future(socket.receive())
+            message = await asyncio.wait_for(end, 60)
+        assert (message.data, message.extra) == (1001, "the server is ending")

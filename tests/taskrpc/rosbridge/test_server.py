@@ -160,16 +160,28 @@ async def test_slow_subscriber_gets_the_newest_message_when_it_reads_again(web, 
                 last = (await asyncio.wait_for(socket.receive_json(), 60))["msg"]["data"]
 
 
-async def test_end_of_the_server_closes_the_connections(http):
+async def test_end_of_the_server_is_told_to_each_client_also_if_one_does_not_read(http):
+    def tell(request, response):
+        response.message = "x" * 8_000_000
+        return response
+
     async with taskrpc.Node("bridge", transport="memory") as node:
+        node.create_service(TRIGGER, "/tell", tell)
         rosbridge = RosbridgeServer(node)
         async with WebServer({}, listen="127.0.0.1:0", upgrade=rosbridge.handle) as web:
-            socket = await http.ws_connect(web.url)
+            socket, slow = [await http.ws_connect(web.url, max_msg_size=0) for _ in range(2)]
             await call(socket, "/rosapi/nodes")
+            slow._conn.transport.pause_reading()
+            await slow.send_json({"op": "call_service", "service": "/tell"})
+            await call(socket, "/tell")
             ending = asyncio.ensure_future(rosbridge.close())
-            assert (await asyncio.wait_for(socket.receive(), 60)).type is aiohttp.WSMsgType.CLOSE
+            message = await asyncio.wait_for(socket.receive(), 60)
+            assert message.type is aiohttp.WSMsgType.CLOSE
+            assert message.data == aiohttp.WSCloseCode.GOING_AWAY
+            assert message.extra == "the server is ending"
             await asyncio.wait_for(ending, 60)
-            assert socket.close_code == aiohttp.WSCloseCode.GOING_AWAY
+            with pytest.raises(aiohttp.WSServerHandshakeError, match="503"):
+                await http.ws_connect(web.url)
 
 
 async def test_text_of_any_client_is_valid_json(web, http):

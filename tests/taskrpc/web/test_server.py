@@ -560,6 +560,33 @@ async def test_websocket_upgrade_at_the_root_is_passed_on(folder, caplog):
         assert (await fetch(f"{page.url}/"))[2] == "<!doctype html>"
 
 
+async def test_request_in_progress_does_not_delay_the_end_of_the_server(folder):
+    begun = asyncio.Event()
+
+    async def wait(request):
+        begun.set()
+        await asyncio.Event().wait()
+
+    async with aiohttp.ClientSession() as session:
+        page = Shown(folder, upgrade=wait)
+        await page.__aenter__()
+        asking = asyncio.ensure_future(session.ws_connect(f"{page.url}/"))
+        await asyncio.wait_for(begun.wait(), 60)
+        await asyncio.wait_for(page.__aexit__(None, None, None), 5)
+        with pytest.raises(aiohttp.ClientError):
+            await asking
+
+
+async def test_connection_of_a_refused_websocket_is_closed(folder):
+    async def refuse(request):
+        return aiohttp.web.Response(status=503, text="too many")
+
+    async with Shown(folder, upgrade=refuse) as page, aiohttp.ClientSession() as session:
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await session.ws_connect(f"{page.url}/")
+        assert refused.value.headers["Connection"] == "close"
+
+
 async def test_connection_of_another_user_sees_only_files_and_health(page, monkeypatch):
     monkeypatch.setattr(server, "is_other_user", lambda peer, local: True)
     for path, expected in (("/", 200), ("/health", 200), ("/live", 401), ("/task/1", 401)):
