@@ -21,6 +21,9 @@ MAX_CLIENTS = 32
 """Most connected clients; a further one is refused."""
 _RECEIVE_LIMIT = 2 * protocol.MAX_MESSAGE
 """Bytes of a message above which the connection is closed instead of sending an error status."""
+_SMALL = 16_000
+"""Most characters of a text that is written at once if nothing waits. Its bytes stay below the
+64 KiB above which asyncio tells a program to wait until the client has read."""
 _BEHIND = 1_000_000
 """Characters that wait to be sent above which a client gets only the newest message of a topic."""
 _MAX_UNREAD = 32_000_000
@@ -130,14 +133,20 @@ class _ClientConnection:
             self._transport.abort()
 
     @property
+    def _written(self) -> int:
+        """Bytes that are written, but that the kernel has not taken."""
+        return 0 if self._transport is None else self._transport.get_write_buffer_size()
+
+    @property
     def _unread(self) -> int:
         """Bytes that the client has not read, roughly: texts that wait count in characters."""
-        transport = self._transport
-        written = 0 if transport is None else transport.get_write_buffer_size()
-        return self._waiting_size + written
+        return self._waiting_size + self._written
 
     def _send(self, text: str) -> None:
         if self._is_ending:
+            return
+        if not self._wake.is_set() and len(text) <= _SMALL and not self._written:
+            self._send_now(text)
             return
         self._waiting.append(text)
         self._waiting_size += len(text)
@@ -147,6 +156,14 @@ class _ClientConnection:
             self._is_ending = True
             if self._transport is not None:
                 self._transport.abort()
+
+    def _send_now(self, text: str) -> None:
+        """Write a text at once; waking the writer costs a call one more turn of the event loop."""
+        sending = self._socket.send_str(text)
+        with contextlib.suppress(ConnectionError, StopIteration):  # the latter: it is written
+            sending.send(None)
+            # It is written too, and waits for the client to read. The writer does so next time.
+            sending.close()
 
     async def _write(self) -> None:
         with contextlib.suppress(ConnectionError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import srvgen
@@ -31,6 +32,23 @@ class ServiceClients:
         self._node = node
         self._clients: OrderedDict[str, Client[Any, Any]] = OrderedDict()
         """In order of their last use."""
+        self._resolved = lru_cache(_KEPT_CLIENTS)(node.resolve_service_name)
+
+    def begin(self, name: str, args: object, timeout: float | None) -> asyncio.Future[Any] | None:
+        """Send a call now; return the future of the response message.
+
+        Cancelling the future cancels the call. It may end with TypeMismatch: then `call` finds out
+        the new definition. None means that the definition is not known yet, so use `call`.
+
+        Raises InvalidName, FieldError.
+        """
+        service = self._resolved(name)
+        client = self._clients.get(service)
+        if client is None or not client.service_is_ready():
+            return None
+        self._clients.move_to_end(service)
+        request = request_from_json(client.srv_type.Request, args)
+        return client.call_async(request, timeout=timeout)
 
     async def call(self, name: str, args: object, timeout: float | None) -> dict[str, Any]:
         """Call a service with the arguments of a `call_service`; return the response as JSON.
@@ -40,7 +58,7 @@ class ServiceClients:
         Raises the errors of `Client.call`, FieldError and DefinitionError.
         """
         deadline = None if timeout is None else asyncio.get_running_loop().time() + timeout
-        service = self._node.resolve_service_name(name)
+        service = self._resolved(name)
         try:
             return await self._attempt(service, args, deadline)
         except TypeMismatch:  # a server with another definition has replaced the earlier one

@@ -7,11 +7,12 @@ import logging
 import math
 import time
 from collections.abc import Callable, Coroutine, Mapping
+from functools import partial
 from typing import Any, Protocol, TypeAlias
 
 import srvgen
 from taskrpc.client import DEFAULT_TIMEOUT
-from taskrpc.errors import ServerBusy, TaskRpcError
+from taskrpc.errors import ServerBusy, TaskRpcError, TypeMismatch
 from taskrpc.node import Node
 from taskrpc.rosbridge import protocol
 from taskrpc.rosbridge.graph import graph_of
@@ -19,6 +20,7 @@ from taskrpc.rosbridge.protocol import BadOperation, Id, Level, Operation
 from taskrpc.rosbridge.rosapi import Rosapi
 from taskrpc.rosbridge.services import OfferedService, ServiceClients
 from taskrpc.rosbridge.topics import ClientPublisher, ClientSubscription
+from taskrpc.rosbridge.values import to_json
 
 log = logging.getLogger("taskrpc.rosbridge")
 
@@ -91,7 +93,7 @@ class Session:
         self._level: Level = "error"
         """The least severe statuses that the client gets."""
         self._fragments = protocol.Fragments()
-        self._calls: set[asyncio.Task[None]] = set()
+        self._calls: set[asyncio.Future[Any]] = set()
         self._rosapi_calls = asyncio.Semaphore(MAX_ROSAPI_CALLS)
         # By absolute name:
         self._subscriptions: dict[str, ClientSubscription] = {}
@@ -179,30 +181,68 @@ class Session:
             problem = f"expected at most {MAX_CALLS} calls at a time"
             self._failed(operation, ServerBusy(problem))
             return
-        call = self._loop.create_task(self._called(operation))
-        self._calls.add(call)
-        call.add_done_callback(self._calls.discard)
-
-    async def _called(self, operation: protocol.CallService) -> None:
-        rosapi = self._bridge.rosapi
+        if (verb := self._bridge.rosapi.verb_of(operation.service)) is not None:
+            self._begin_task(operation, self._call_rosapi(verb, operation.args))
+            return
+        timeout = _timeout_of(operation)
+        clients = self._bridge.clients
         try:
-            if (verb := rosapi.verb_of(operation.service)) is not None:
-                async with self._rosapi_calls:
-                    values = await rosapi.call(verb, operation.args)
-                    await asyncio.sleep(0)  # gives other programs a turn before the next call
-            else:
-                timeout = _timeout_of(operation)
-                clients = self._bridge.clients
-                values = await clients.call(operation.service, operation.args, timeout)
-        except _REFUSALS as error:
-            self._failed(operation, error)
+            call = clients.begin(operation.service, operation.args, timeout)
         except Exception as error:
-            log.exception("a call of %s for a client failed", operation.service)
             self._failed(operation, error)
-        else:
-            self._respond(operation, values, result=True)
+            return
+        if call is None:
+            self._begin_task(operation, clients.call(operation.service, operation.args, timeout))
+            return
+        # No task of its own: that would cost the call two more turns of the event loop.
+        deadline = None if timeout is None else self._loop.time() + timeout
+        self._calls.add(call)
+        call.add_done_callback(partial(self._answered, operation, deadline))
 
-    def _failed(self, operation: protocol.CallService, error: Exception) -> None:
+    def _begin_task(
+        self, operation: protocol.CallService, call: Coroutine[Any, Any, dict[str, Any]]
+    ) -> None:
+        task = self._loop.create_task(call)
+        self._calls.add(task)
+        task.add_done_callback(partial(self._ended, operation))
+
+    async def _call_rosapi(self, verb: str, args: object) -> dict[str, Any]:
+        async with self._rosapi_calls:
+            values = await self._bridge.rosapi.call(verb, args)
+            await asyncio.sleep(0)  # gives other programs a turn before the next call
+        return values
+
+    def _answered(
+        self, operation: protocol.CallService, deadline: float | None, call: asyncio.Future[Any]
+    ) -> None:
+        """End a call that was sent at once."""
+        if call.cancelled() or not isinstance(call.exception(), TypeMismatch):
+            self._ended(operation, call, to_json)
+            return
+        # A server with another definition has replaced the earlier one.
+        self._calls.discard(call)
+        left = None if deadline is None else deadline - self._loop.time()
+        clients = self._bridge.clients
+        self._begin_task(operation, clients.call(operation.service, operation.args, left))
+
+    def _ended(
+        self,
+        operation: protocol.CallService,
+        call: asyncio.Future[Any],
+        convert: Callable[[Any], dict[str, Any]] = lambda values: values,
+    ) -> None:
+        self._calls.discard(call)
+        if call.cancelled():  # the client has left
+            return
+        error = call.exception()
+        if error is None:
+            self._respond(operation, convert(call.result()), result=True)
+        else:
+            self._failed(operation, error)
+
+    def _failed(self, operation: protocol.CallService, error: BaseException) -> None:
+        if not isinstance(error, _REFUSALS):
+            log.error("a call of %s for a client failed", operation.service, exc_info=error)
         self._respond(operation, f"{type(error).__name__}: {error}", result=False)
 
     def _respond(self, operation: protocol.CallService, values: object, *, result: bool) -> None:

@@ -5,11 +5,15 @@ import json
 
 import aiohttp
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import srvgen
 import taskrpc
 from taskrpc.rosbridge import protocol, server
-from taskrpc.rosbridge.server import RosbridgeServer
+from taskrpc.rosbridge.server import RosbridgeServer, _ClientConnection
+from taskrpc.rosbridge.session import Bridge
+from taskrpc.testing import VirtualTimeLoop
 from taskrpc.web import Page, WebServer
 
 pytestmark = pytest.mark.real_time
@@ -203,3 +207,84 @@ async def test_token_of_an_account_does_not_give_the_rights_of_the_node(http, to
             else:
                 with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
                     await http.ws_connect(web.url, headers=headers)
+
+
+class Pipe:
+    """A WebSocket, its request and its transport in one; the test decides what waits unread."""
+
+    remote = "a test"
+
+    def __init__(self):
+        self.transport = self
+        self.sent = []
+        self.unread = 0
+        self.can_write = asyncio.Event()
+        self.can_write.set()
+
+    def get_extra_info(self, name):
+        return None
+
+    def get_write_buffer_size(self):
+        return self.unread
+
+    async def send_str(self, text):
+        self.sent.append(text)
+        await self.can_write.wait()
+
+
+def in_virtual_time(coroutine):
+    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        runner.run(coroutine)
+
+
+def test_text_is_written_without_a_turn_of_the_event_loop_if_nothing_waits():
+    async def run():
+        async with taskrpc.Node("bridge", transport="memory") as node:
+            pipe = Pipe()
+            client = _ClientConnection(pipe, pipe, Bridge(node))
+            client._send("short")
+            assert pipe.sent == ["short"]
+            client._send("x" * 16_001)
+            client._send("after a long text")
+            pipe.unread = 1
+            client._send("the client does not read")
+            assert pipe.sent == ["short"]
+            writer = asyncio.ensure_future(client._write())
+            await asyncio.sleep(1)
+            assert len(pipe.sent) == 4
+            writer.cancel()
+
+    in_virtual_time(run())
+
+
+STEPS = st.one_of(
+    st.integers(0, 40_000),  # sends a text of this length
+    st.sampled_from(["blocked", "free", "unread", "read", "turn"]),
+)
+
+
+@given(st.lists(STEPS, max_size=40))
+def test_texts_are_written_in_order_whatever_the_client_reads(steps):
+    async def run():
+        async with taskrpc.Node("bridge", transport="memory") as node:
+            pipe = Pipe()
+            client = _ClientConnection(pipe, pipe, Bridge(node))
+            writer = asyncio.ensure_future(client._write())
+            expected = []
+            for step in steps:
+                if step in ("blocked", "free"):
+                    pipe.can_write.clear() if step == "blocked" else pipe.can_write.set()
+                elif step in ("unread", "read"):
+                    pipe.unread = int(step == "unread")
+                elif step == "turn":
+                    await asyncio.sleep(0)
+                else:
+                    expected.append(f"{len(expected)} {'x' * step}")
+                    client._send(expected[-1])
+                assert pipe.sent == expected[: len(pipe.sent)]
+            pipe.can_write.set()
+            await asyncio.sleep(1)
+            assert pipe.sent == expected
+            writer.cancel()
+
+    in_virtual_time(run())

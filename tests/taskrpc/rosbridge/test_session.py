@@ -182,6 +182,32 @@ async def test_service_with_a_new_definition_is_called_with_it():
         assert (await client.call("/x"))["values"] == {"success": False, "message": ""}
 
 
+async def test_call_of_a_known_service_is_sent_at_once_and_starts_no_task():
+    async with connected() as (node, client):
+        node.create_service(ADD, "/add", add)
+        await client.call("/add", [1, 1])
+        tasks = asyncio.all_tasks()
+        await client.send("call_service", id="call", service="/add", args=[1, 2])
+        assert asyncio.all_tasks() == tasks
+        assert (await client.next())["values"] == {"sum": 3}
+
+
+@pytest.mark.parametrize("step", ["begin", "call"])
+async def test_unexpected_error_of_a_call_is_logged_and_the_call_fails(monkeypatch, caplog, step):
+    async def call(*args):
+        raise RuntimeError("secret")
+
+    def begin(*args):
+        raise RuntimeError("secret")
+
+    async with connected() as (_, client):
+        monkeypatch.setattr(
+            client.session._bridge.clients, step, {"begin": begin, "call": call}[step]
+        )
+        assert (await client.call("/add"))["result"] is False
+    assert "RuntimeError: secret" in caplog.text
+
+
 async def test_wrong_operation_gets_an_error_status_and_the_session_goes_on():
     async with connected() as (node, client):
         node.create_service(ADD, "/add", add)
