@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from taskrpc.service import Callback, Service
     from taskrpc.timer import Timer
     from taskrpc.topic import Publisher, Subscription
+    from taskrpc.transport.connection.incoming_call import RouteFaults
 
 DRAIN_GRACE = 30.0
 """Seconds that calls in flight get when a node shuts down."""
@@ -69,6 +70,8 @@ class Node:
         keepalive: when to give up on a silent peer: `default` (8 s) or `robot` (2 s);
             `TASKRPC_KEEPALIVE` if not given.
         observer: receives an event for each call; a `Metrics`, or an `Observer` of your own.
+        faults: faults to inject into the calls of its services, for tests and for teaching: a
+            `taskrpc.testing.CallFaults`.
     """
 
     _threads = False
@@ -90,6 +93,7 @@ class Node:
         accounts: Accounts | str | Path | None = None,
         keepalive: str | None = None,
         observer: Observer | None = None,
+        faults: RouteFaults | None = None,
     ) -> None:
         errors.show_in_one_message()
         self._name = names.check_node_name(name)
@@ -106,6 +110,7 @@ class Node:
             keepalive=keepalive,
             tls=tls,
             threads=self._threads,
+            faults=faults,
         )
         self._observer = observer
         self._transport: Transport | None = None

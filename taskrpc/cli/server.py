@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from taskrpc.robot.protocol import Robot
     from taskrpc.tasks import SqliteStore, TaskServer
     from taskrpc.tasks.records.store import TaskStore
+    from taskrpc.testing import CallFaults
 
 _Result = TypeVar("_Result")
 
@@ -116,12 +117,25 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     web = "serve the live page there over HTTP, rosbridge, /health and /metrics"
     add("--web", metavar="HOST:PORT", type=remote.place, help=web)
     add_allow_origin(parser)
+    fault = "inject a fault into calls, such as lose-response:first=1; may be given several times"
+    add("--fault", metavar="SPEC", type=_fault, action="append", default=[], help=fault)
     record = "record the whole run to this new MCAP file; see taskrpc bag"
     add("--record", metavar="FILE", help=record)
     levels = ["debug", "info", "warning", "error"]
     add("--log-level", choices=levels, default="info", help="what to log to stderr (info)")
     what = "the format of log lines: text as in ROS 2, or JSON for programs (text)"
     add("--log-format", choices=logs.STYLES, default="text", help=what)
+
+
+def _fault(spec: str) -> str:
+    """Return a valid specification of a fault. Raises argparse's ArgumentTypeError."""
+    from taskrpc.testing.fault_specs import parse_fault  # few servers inject faults
+
+    try:
+        parse_fault(spec)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return spec
 
 
 def _add_robot_options(parser: argparse.ArgumentParser) -> None:
@@ -176,6 +190,7 @@ async def _serve_with(
     from taskrpc.tasks import SqliteStore, TaskServer
 
     access = remote.remote_of(options)
+    faults = _faults(options)
     node = Node(
         "task_server",
         namespace="/",  # in a lab too: clients call /robot_task
@@ -185,6 +200,7 @@ async def _serve_with(
         accounts=options.accounts,
         keepalive=options.keepalive,
         observer=_observer(options, monitoring, recorder),
+        faults=faults,
     )
     store = _store(options)
     async with stop_requested() as stopped, node, contextlib.AsyncExitStack() as stack:
@@ -219,6 +235,8 @@ async def _serve_with(
         if recorder is not None:
             await recorder.follow(node, server)
             _say(options, f"recording to {recorder.writer.path}")
+        for fault in faults.faults if faults is not None else ():
+            _say(options, f"fault: {fault}")
         what = "/robot_task [my_robot_interfaces/srv/RobotTask]"
         _print(options, f"taskrpc-server ready: {what} at {node.address}")
         tune_for_long_run()
@@ -240,6 +258,15 @@ def _observer(
     if recorder is not None:
         observers.append(recorder.calls)
     return Observers(*observers) if len(observers) > 1 else next(iter(observers), None)
+
+
+def _faults(options: argparse.Namespace) -> CallFaults | None:
+    """Return the faults to inject; they concern /robot_task if they name no other service."""
+    if not options.fault:
+        return None
+    from taskrpc.testing import CallFaults
+
+    return CallFaults(*options.fault, service="/robot_task")
 
 
 def _recorder(options: argparse.Namespace) -> RunRecorder | None:

@@ -49,6 +49,7 @@ from taskrpc.wire.messages import (
 if TYPE_CHECKING:
     from taskrpc.observer import Connections
     from taskrpc.transport.connection.call_meter import CallMeter
+    from taskrpc.transport.connection.incoming_call import RouteFaults
     from taskrpc.transport.connection.server_side import ServingConnection
     from taskrpc.transport.limits.admission import Admission
     from taskrpc.transport.limits.backpressure import Backpressure
@@ -83,6 +84,7 @@ class Endpoint(ThreadHandoff):
         *,
         keepalive: Keepalive = DEFAULT,
         threads: bool = False,
+        faults: RouteFaults | None = None,
     ) -> None:
         super().__init__()
         self.keepalive = keepalive
@@ -108,6 +110,8 @@ class Endpoint(ThreadHandoff):
         """Set when the endpoint begins to listen, as `calls_in_flight` is: many only call."""
         self.calls_in_flight: CallsInFlight
         self.refusals = LimitedLog(log)
+        self.faults = faults
+        """Injects faults into incoming calls; None: no faults."""
         self.meter: CallMeter | None = None
         """Measures the calls while other programs watch this one; else None."""
         self._offers = OfferTable()

@@ -20,6 +20,7 @@ from taskrpc.transport.tcp.tcp_network import TcpNetwork, domain_id, environment
 
 if TYPE_CHECKING:
     from taskrpc.security.accounts import AccountSource
+    from taskrpc.transport.connection.incoming_call import RouteFaults
 
 _endpoints: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[Hashable, Endpoint]] = (
     weakref.WeakKeyDictionary()
@@ -37,10 +38,12 @@ def shared_transport(
     keepalive: str | None = None,
     threads: bool = False,
     domain: int | None = None,
+    faults: RouteFaults | None = None,
 ) -> Transport:
     """Return the running loop's endpoint for these settings; the first call creates it.
 
     Each caller calls `release()` in the end. `threads`: other threads than the loop's make calls.
+    `faults`: injects faults into incoming calls.
     Raises TaskRpcError for an unknown name or an invalid setting.
     """
     domain = domain_id() if domain is None else domain
@@ -48,7 +51,7 @@ def shared_transport(
     lab = remembered_lab() if name == "tcp" else None
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
     profile = keepalive_of(keepalive)
-    key = (name, domain, listen, addresses, token, tls, lab, accounts, profile)
+    key = (name, domain, listen, addresses, token, tls, lab, accounts, profile, faults)
     if (known := endpoints.get(key)) is not None:
         known.holders += 1
         return known
@@ -78,7 +81,9 @@ def shared_transport(
         raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")
     # An endpoint refers to its event loop: if it stayed here, the loop would never be freed.
     forget = lambda: endpoints.pop(key)  # noqa: E731
-    endpoints[key] = endpoint = Endpoint(network, forget, keepalive=profile, threads=threads)
+    endpoints[key] = endpoint = Endpoint(
+        network, forget, keepalive=profile, threads=threads, faults=faults
+    )
     return endpoint
 
 

@@ -170,6 +170,13 @@ class Route(msgspec.Struct, frozen=True, eq=False):
     """Splits a body into its request id and the message."""
 
 
+class RouteFaults(Protocol):
+    """Faults that a program injects into its calls on purpose, for tests and for teaching."""
+
+    def applied(self, route: Route) -> Route:
+        """Return a route of a connection whose calls get the faults."""
+
+
 def route_to(offer: Offer, method: int, caller: str, account: str, role: Role) -> Route:
     """The route of a peer's node to a service, by the account and role of the peer."""
     request, response = codec_of(offer.srv_type.Request), codec_of(offer.srv_type.Response)

@@ -22,6 +22,7 @@ from taskrpc.transport.connection.connection import UNREAD_LIMIT, Connection, Ow
 from taskrpc.transport.connection.incoming_call import (
     RemoteCall,
     Route,
+    RouteFaults,
     mismatch,
     refused,
     rerouted,
@@ -126,6 +127,8 @@ class ServerContext(Owner, Protocol):
 
     meter: CallMeter | None
     """Measures the calls while other programs watch; else None."""
+    faults: RouteFaults | None
+    """Injects faults into the calls; None in almost all programs."""
 
     def statistics_for(self, watcher: ServingConnection) -> Statistics:
         """Return what the meter has measured; it measures until the watchers have left."""
@@ -487,19 +490,25 @@ class ServingConnection(Connection):
             self._handles = {}
         handle = self._handles.setdefault((method, caller), len(self._handles) + 1)
         if handle not in self._routes:
-            self._routes[handle] = route_to(offer, method, caller, self.principal, self.role)
+            route = route_to(offer, method, caller, self.principal, self.role)
+            self._routes[handle] = self._with_faults(route)
         return handle
 
     def measure(self) -> None:
         """Begin or end the measuring of later calls, as the server's meter says."""
         for handle, route in self._routes.items():
             if (offer := self.server.offers.get(route.method)) is not None:
-                self._routes[handle] = rerouted(route, self._measured(offer))
+                self._routes[handle] = self._with_faults(rerouted(route, self._measured(offer)))
 
     def _measured(self, offer: Offer) -> Offer:
         """The offer as this connection's routes need it: with the meter while it measures."""
         meter = self.server.meter
         return offer if meter is None or self in meter.watchers else meter.measured(offer)
+
+    def _with_faults(self, route: Route) -> Route:
+        """The route with the faults that this program injects into its calls."""
+        faults = self.server.faults
+        return route if faults is None else faults.applied(route)
 
     def _report_refusal(self, method: int, error: TaskRpcError) -> None:
         """Report a request to observers that was refused before it became a call."""

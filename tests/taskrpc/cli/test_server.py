@@ -86,6 +86,14 @@ def test_unusable_origin_is_refused(server, options, problem):
     assert problem in err
 
 
+def test_unknown_fault_is_refused_with_a_list_of_what_is_allowed(server):
+    code, err = server("--fault", "lose")
+    assert code == 2
+    line = err.splitlines()[-1]
+    assert "argument --fault: expected a fault, got 'lose'" in line
+    assert "allowed are lose-request, lose-response, delay-response:0.5s" in line
+
+
 @pytest.mark.parametrize("options", [["--fresh"], ["--db", ":memory:"]])
 def test_standby_refuses_options_that_start_with_other_tasks(run, options):
     code, _, err = run("--standby", *options, command=main)
