@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.javascript.packages import node_modules, program
+from tests.javascript.packages import node_for, node_modules
 
 FOLDER = Path(__file__).parent
 LIMIT = 120.0
@@ -116,7 +116,7 @@ def check_services(found):
 @pytest.mark.parametrize("gateway", GATEWAYS)
 @pytest.mark.parametrize("package", ["roslib", "roslib-1"])
 def test_roslib_in_node(ports, package, gateway):
-    node, modules = program("node", package="nodejs"), node_modules()
+    node, modules = node_for(package), node_modules()
     url = f"ws://127.0.0.1:{ports[gateway]}"
     found = output_of(node, str(FOLDER / "roslib_client.mjs"), str(modules), package, url)
     check_names(found)

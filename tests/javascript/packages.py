@@ -5,10 +5,13 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -41,3 +44,34 @@ def node_modules() -> Path:
         assert done.returncode == 0, f"npm ci failed: {done.stdout}{done.stderr}"
         shutil.copy(lock, installed)
     return _INSTALLED
+
+
+def obstacle(package: str, node: str, lock: dict[str, Any]) -> str:
+    """Return why a package cannot run in this version of Node (`v18.20.4`); "" if it can.
+
+    `lock` is the content of `package-lock.json`, in which each package says what it needs.
+    """
+    needed = lock["packages"][f"node_modules/{package}"].get("engines", {}).get("node", ">=0")
+    least = re.fullmatch(r">=\s*([\d.]+)", needed)
+    assert least is not None, f"{package} needs Node {needed}, which this function cannot read"
+    if _numbers(node) >= _numbers(least[1]):
+        return ""
+    return f"{package} needs Node {least[1]} or newer, got {node}; install a newer Node"
+
+
+def _numbers(version: str) -> list[int]:
+    return [int(each) for each in re.findall(r"\d+", version)]
+
+
+def node_for(package: str) -> str:
+    """Return the path of a Node that can run this package; otherwise the test is skipped.
+
+    It is skipped on a CI machine too: the Node of Debian is older than roslib 2 needs, and
+    `tests/browser` runs roslib 2 in Chromium.
+    """
+    node = program("node", package="nodejs")
+    done = subprocess.run([node, "--version"], capture_output=True, text=True, check=True)
+    lock = json.loads((FOLDER / "package-lock.json").read_text(encoding="utf-8"))
+    if reason := obstacle(package, done.stdout.strip(), lock):
+        pytest.skip(reason)
+    return node
