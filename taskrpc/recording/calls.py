@@ -19,6 +19,9 @@ from taskrpc.recording.schemas import is_event
 
 CALLS_TOPIC = "/taskrpc/calls"
 """The topic with a `CallEnd` for each call, as JSON."""
+ServiceEventInfo: Any = srvgen.load("service_msgs/msg/ServiceEventInfo")
+_INFO_BYTES = 44
+"""The CDR header and the info, with which each event begins; lists in it may be long."""
 _OK = "OK"
 _MOST_TEXT = 80
 """Characters of a request's or response's text."""
@@ -71,13 +74,20 @@ class RecordedCall(msgspec.Struct):
 
 
 class CallReader:
-    """Collects the calls from the messages of a recording, in the order of their begins."""
+    """Collects the calls from the messages of a recording, in the order of their begins.
 
-    def __init__(self) -> None:
+    Args:
+        texts: whether to keep the fields of requests and responses.
+    """
+
+    def __init__(self, *, texts: bool = True) -> None:
         self.calls: list[RecordedCall] = []
+        self._texts = texts
         self._open: dict[tuple[str, int, bytes], RecordedCall] = {}
-        self._of_server: dict[tuple[str, int], RecordedCall] = {}
+        self._of_server: dict[tuple[str, int], tuple[RecordedCall, bytes]] = {}
         """The same calls without the client's gid, for the lines about their ends."""
+        self._names: dict[str, str] = {}
+        """Each name once: a class makes a hundred thousand calls of a few services."""
         self._clients: dict[bytes, str] = {}
         self._classes: dict[Topic, Any] = {}
 
@@ -85,45 +95,62 @@ class CallReader:
         """Take any message of the recording; returns the call that it concerns."""
         topic = message.topic
         if topic.name == CALLS_TOPIC and topic.encoding == JSON:
-            return self._take_end(msgspec.json.decode(message.data, type=CallEnd))
+            try:
+                return self._take_end(msgspec.json.decode(message.data, type=CallEnd))
+            except (msgspec.MsgspecError, UnicodeDecodeError):
+                return None  # a damaged message
         if is_event(topic.type_name):
             return self._take_event(message)
         return None
 
     def _take_end(self, end: CallEnd) -> RecordedCall:
-        call = self._of_server.get((end.service, end.number))
-        if call is None:
-            call = self._add(RecordedCall(end.service, end.number, end.began))
-        call.client, call.account, call.ms = end.client, end.account, end.ms
+        found = self._of_server.pop((end.service, end.number), None)
+        if found is None:
+            call = RecordedCall(self._name(end.service), end.number, end.began)
+            self.calls.append(call)
+        else:  # nothing more will be about this call
+            call, gid = found
+            self._open.pop((end.service, end.number, gid), None)
+        call.client, call.account = self._name(end.client), self._name(end.account)
+        call.ms = end.ms
         call.begin, call.deadline_ms, call.task_id = end.began, end.deadline_ms, end.task_id
-        call.code = "" if end.code == _OK else end.code
+        call.code = "" if end.code == _OK else self._name(end.code)
         return call
 
     def _take_event(self, message: Message) -> RecordedCall | None:
         event = self._decoded(message)
         if event is None:
             return None
-        info, service = event.info, message.topic.name.removesuffix(SUFFIX)
+        info = event.info if self._texts else event
+        service = message.topic.name.removesuffix(SUFFIX)
         gid, time = bytes(info.client_gid), info.stamp.sec + info.stamp.nanosec / 1e9
         key = service, info.sequence_number, gid
         call = self._open.get(key)
         if call is None:
             client = self._clients.setdefault(gid, f"client {len(self._clients) + 1}")
-            call = self._add(RecordedCall(service, info.sequence_number, time, client))
+            call = RecordedCall(self._name(service), info.sequence_number, time, client)
+            self.calls.append(call)
             self._open[key] = call
+            self._of_server[service, info.sequence_number] = call, gid
         if info.event_type in (info.REQUEST_SENT, info.REQUEST_RECEIVED):
-            call.request = call.request or _text(event.request)
+            if self._texts:
+                call.request = call.request or _text(event.request)
         else:
-            call.response = call.response or _text(event.response)
+            if self._texts:
+                call.response = call.response or _text(event.response)
             call.ms = (time - call.begin) * 1e3
         return call
 
-    def _add(self, call: RecordedCall) -> RecordedCall:
-        self.calls.append(call)
-        self._of_server[call.service, call.number] = call
-        return call
+    def _name(self, text: str) -> str:
+        return self._names.setdefault(text, text)
 
     def _decoded(self, message: Message) -> Any:
+        """Return the event, or without texts only its info; None if it cannot be read."""
+        if not self._texts:
+            try:
+                return srvgen.from_cdr(ServiceEventInfo, message.data[:_INFO_BYTES])
+            except srvgen.CdrError:
+                return None
         if message.topic not in self._classes:
             try:
                 self._classes[message.topic] = playable_class(message.topic)

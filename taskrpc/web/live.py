@@ -21,15 +21,25 @@ import msgspec
 
 from taskrpc.robot.world import World
 from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.model import BEFORE_RUNNING_KEY, RUNNING_KEY, Task, TaskState
+from taskrpc.tasks.model import Task, TaskState
+from taskrpc.tasks.page_events import (
+    MAX_ENDED,
+    MAX_MOVES,
+    MAX_NODES,
+    MAX_QUEUE,
+    MIN_MOVE,
+    PROTOCOL,
+    concerns,
+    map_json,
+    result_json,
+    scan_json,
+    task_json,
+)
 from taskrpc.tasks.pages import page
-from taskrpc.tasks.queue.estimate_log import DelayEvent
 from taskrpc.web.streams import CallsEvent, Event, LiveStream
 
 log = logging.getLogger("taskrpc.web")
 
-PROTOCOL = 1
-"""The version of the events; a page of another version reloads itself."""
 TICK = 0.1
 """Seconds between two looks for changes."""
 PROGRESS_PERIOD = 0.5
@@ -41,41 +51,7 @@ CALLS_TICKS = 2
 GRAPH_PERIOD = 1.0
 """Seconds between two looks at the nodes, and at the class."""
 
-MAX_QUEUE, MAX_ENDED, MAX_MOVES, MAX_RANGES, MAX_NODES = 50, 30, 20, 4096, 100
-"""The most entries of each list."""
-
-_MIN_MOVE = 0.1  # seconds; smaller changes of an estimate are not shown
-_MIN_COMMON_MOVE = 0.5  # the same for a change that all tasks have, such as a pause
 _MAX_DELAYS = 200  # new delays that one look considers
-
-
-class _Scan(msgspec.Struct):
-    """The result of a scan, as `Robot.execute` returns it."""
-
-    pose: dict[str, float]
-    angle_min: float
-    angle_increment: float
-    range_max: float
-    ranges: list[float | None]
-
-
-def task_json(task: Task, estimated_time: float) -> dict[str, Any]:
-    """Return a task as the events contain it."""
-    return {
-        "task_id": task.task_id,
-        "task_type": task.task_type,
-        "target": task.target,
-        "priority": task.priority,
-        "state": task.state.value,
-        "client": task.client,
-        "estimated_time": round(estimated_time, 3),
-        "accepted_estimate": round(task.accepted_estimate, 3),
-        "progress": round(task.progress, 4),
-        "message": task.message,
-        "submitted": task.submitted_at,
-        "started": task.started_at,
-        "ended": task.ended_at,
-    }
 
 
 def whole_task_json(manager: TaskManager, task_id: int) -> bytes | None:
@@ -85,23 +61,9 @@ def whole_task_json(manager: TaskManager, task_id: int) -> bytes | None:
         return None
     manager.update_estimates()
     changes = [{"seconds": each.seconds, "cause": each.cause} for each in manager.changes(task)]
-    result = msgspec.Raw(task.result.encode()) if task.result else None
-    whole = task_json(task, manager.estimate(task_id)) | {"result": result, "changes": changes}
+    shown = task_json(task, manager.estimate(task_id))
+    whole = shown | {"result": result_json(task), "changes": changes}
     return msgspec.json.encode(whole)
-
-
-def map_json(robot: object) -> dict[str, Any] | None:
-    """Return the map of a robot that has a `World`; None for other robots."""
-    world = getattr(robot, "world", None)
-    if not isinstance(world, World):
-        return None
-    return {
-        "size": world.size,
-        "radius": world.robot_radius,
-        "dock": world.dock,
-        "boxes": [box.corners() for box in world.obstacles],
-        "places": dict(world.places),
-    }
 
 
 class LiveTasks:
@@ -188,7 +150,7 @@ class LiveTasks:
             task = self._manager.repository.find(shown["task_id"])
             if task is None or '"ranges"' not in task.result:
                 continue
-            if task.task_id != self._scan_id and (scan := _scan_of(task)) is not None:
+            if task.task_id != self._scan_id and (scan := scan_json(task)) is not None:
                 self._scan_id = task.task_id
                 yield _event("scan", scan)
             return
@@ -209,12 +171,12 @@ class LiveTasks:
             if task.task_id in self._shown:  # a newer task has these delays in its estimate
                 totals: dict[str, float] = {}
                 for delay, seconds in shifts:
-                    if _concerns(delay, task, seconds):
+                    if concerns(delay, task, seconds):
                         totals[delay.cause] = totals.get(delay.cause, 0.0) + seconds
                 found += [
                     {"task_id": task.task_id, "seconds": round(sum_, 3), "cause": cause, "t": wall}
                     for cause, sum_ in totals.items()
-                    if abs(sum_) >= _MIN_MOVE
+                    if abs(sum_) >= MIN_MOVE
                 ]
         self._moves.extendleft(reversed(found[:MAX_MOVES]))
         return bool(found)
@@ -247,37 +209,6 @@ class LiveTasks:
         if path != self._path:
             self._path = path
             yield _event("path", {"task_id": path[0], "points": path[1]})
-
-
-def _concerns(delay: DelayEvent, task: Task, seconds: float) -> bool:
-    """Whether a task ends later or earlier by a delay, so that a user should see it."""
-    if delay.only_task:
-        return delay.only_task == task.task_id
-    if delay.after == BEFORE_RUNNING_KEY and abs(seconds) < _MIN_COMMON_MOVE:
-        return False
-    key = task.order_key if task.state is TaskState.QUEUED else RUNNING_KEY
-    return delay.after < key
-
-
-def _scan_of(task: Task) -> dict[str, Any] | None:
-    try:
-        scan = msgspec.json.decode(task.result, type=_Scan)
-        x, y, theta = (scan.pose[name] for name in ("x", "y", "theta"))
-    except (msgspec.MsgspecError, KeyError):
-        return None  # a robot of the user's own may return anything
-    if len(scan.ranges) > MAX_RANGES:
-        return None
-    return {
-        "task_id": task.task_id,
-        "t": task.ended_at,
-        "x": x,
-        "y": y,
-        "theta": theta,
-        "angle_min": scan.angle_min,
-        "angle_increment": scan.angle_increment,
-        "range_max": scan.range_max,
-        "ranges": scan.ranges,
-    }
 
 
 class LiveCalls(Protocol):
@@ -347,6 +278,7 @@ class Live:
             "speed": float(self._manager.robot.speed),
             "version": metadata.version("taskrpc"),
         }
+        world = getattr(self._manager.robot, "world", None)
         return _event(
             "hello",
             {
@@ -354,7 +286,7 @@ class Live:
                 "server": server,
                 "control": control,
                 "now": self._wall_clock(),
-                "map": map_json(self._manager.robot),
+                "map": map_json(world) if isinstance(world, World) else None,
             },
         ).text
 

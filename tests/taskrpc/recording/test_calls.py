@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 
 import srvgen
 from srvgen.classes.loader import search
 from taskrpc.introspection import service_event
-from taskrpc.recording.calls import calls_of
+from taskrpc.recording.calls import CallReader, calls_of, is_about_calls
 from taskrpc.recording.mcap_file import Recording, RecordingWriter
 from taskrpc.recording.schemas import schema_text
 
@@ -62,3 +63,15 @@ async def test_end_that_the_server_recorded_names_the_client(recorded_run):
     assert found[0].request == "task_type=move target=warehouse priority=5"
     assert found[0].task_id == 1
     assert {call.state for call in found} == {"ok"}
+
+
+async def test_reader_without_texts_finds_the_same_calls(recorded_run):
+    found = {}
+    for texts in (True, False):
+        reader = CallReader(texts=texts)
+        for message in Recording(recorded_run).messages(keep=is_about_calls):
+            reader.take(message)
+        found[texts] = reader.calls
+    assert any(call.request for call in found[True])
+    plain = [msgspec.structs.replace(call, request="", response="") for call in found[True]]
+    assert found[False] == plain

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 from collections import Counter
 
+import msgspec
 import pytest
 
 import srvgen
 from srvgen.classes.loader import search
 from taskrpc.introspection import service_event
+from taskrpc.recording.calls import CALLS_TOPIC
 from taskrpc.recording.mcap_file import Recording, RecordingError, RecordingWriter
 from taskrpc.recording.schemas import schema_text
-from taskrpc.recording.timeline import Timeline, heading
+from taskrpc.recording.timeline import Timeline
 from tests.taskrpc.recording.conftest import START
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
@@ -34,7 +37,7 @@ async def test_events_are_in_order_of_time_and_begin_with_hello(timeline):
     assert times == sorted(times)
     assert events[0] is timeline.hello
     assert {event.event for event in events} == {
-        *("hello", "tasks", "robot", "path", "scan", "calls", "graph")
+        *("hello", "tasks", "robot", "path", "scan", "task", "calls", "graph")
     }
     assert all(START <= time <= START + 120 for time in times)
 
@@ -92,8 +95,8 @@ async def test_ended_tasks_are_counted_by_state(timeline):
 async def test_robot_moves_along_its_path(timeline):
     (first, *_) = [event.data for event in named(timeline, "path") if event.data["points"]]
     assert first["task_id"] == 3
-    assert first["points"][0] == (1.0, 1.0)
-    assert first["points"][-1] == (3.0, 4.0)
+    assert first["points"][0] == [1.0, 1.0]
+    assert first["points"][-1] == [3.0, 4.0]
     moving = [event.data for event in named(timeline, "robot") if event.data["moving"]]
     assert len(moving) > 50
     standing = timeline.state_at(START + 28)["robot"].data
@@ -127,17 +130,28 @@ async def test_graph_shows_the_server_and_its_clients(timeline):
 
 async def test_events_between_two_times_are_those_events(timeline):
     begin, end = START + 3.0, START + 6.0
-    found = timeline.events_between(begin, end)
+    found = list(timeline.events_between(begin, end))
     assert found == [event for event in timeline if begin <= event.t < end]
     assert found
-    assert timeline.events_between(end, begin) == []
+    assert list(timeline.events_between(end, begin)) == []
 
 
 async def test_lines_are_json_with_time_name_and_data(timeline):
-    lines = [json.loads(line) for line in timeline.lines()]
-    assert len(lines) == len(list(timeline))
+    text = b"".join(timeline.lines())
+    lines = [json.loads(line) for line in text.splitlines()]
+    assert lines == msgspec.to_builtins(list(timeline)[1:])
     assert {"t", "event", "data"} == set(lines[0])
-    assert lines[0]["event"] == "hello"
+    assert gzip.decompress(b"".join(timeline.gzipped())) == text
+
+
+async def test_result_and_changes_of_an_ended_task_are_shown_at_its_end(timeline):
+    results = {event.data["task_id"]: event for event in named(timeline, "task")}
+    assert results[3].data["result"]["pose"]["x"] == pytest.approx(3.0, abs=0.1)
+    assert len(results[2].data["result"]["ranges"]) == 360
+    changes = [change["cause"] for change in results[2].data["changes"]]
+    assert "the queue was paused" in changes
+    ended = {task["task_id"]: task for task in named(timeline, "tasks")[-1].data["ended"]}
+    assert results[3].t == pytest.approx(ended[3]["ended"], abs=0.1)
 
 
 async def test_unfinished_recording_is_shown_up_to_its_end_and_says_so(recorded_run):
@@ -170,8 +184,30 @@ def test_recording_without_messages_is_refused(tmp_path):
         Timeline(Recording(tmp_path / "a.mcap"))
 
 
-@pytest.mark.parametrize("angle", [0.0, 1.5, -3.1, 3.1])
-def test_heading_of_a_pose_is_read_from_its_quaternion(angle):
-    from math import cos, sin
+async def test_contradictory_decision_ends_the_queue_and_is_named(recorded_run):
+    data = recorded_run.read_bytes()
+    recorded_run.write_bytes(data.replace(b'"method":"begin"', b'"method":"bogus"'))
+    timeline = Timeline(Recording(recorded_run))
+    assert "cannot be shown: the recorded step 'bogus' is impossible here" in timeline.problem
+    assert named(timeline, "tasks")
+    assert named(timeline, "calls")
 
-    assert heading(sin(angle / 2), cos(angle / 2)) == pytest.approx(angle)
+
+def test_recording_without_decisions_says_what_the_page_lacks(tmp_path):
+    writer = RecordingWriter(tmp_path / "a.mcap")
+    topic = writer.add_topic("/add/_service_event", ADD_EVENT, schema_text(ADD_EVENT, search()))
+    event = service_event(Add, "REQUEST_SENT", START, [1] * 16, 1, request=Add.Request(a=1))
+    writer.write(topic, srvgen.to_cdr(event), START)
+    writer.close()
+    hello = Timeline(Recording(writer.path)).hello.data
+    assert hello["recording"]["problem"] == (
+        "a.mcap has no decisions of a task server, so there is no map and no queue;"
+        " the page shows the calls and the nodes"
+    )
+
+
+def test_damaged_end_of_a_call_is_left_out(tmp_path):
+    writer = RecordingWriter(tmp_path / "a.mcap")
+    writer.write(writer.add_json_topic(CALLS_TOPIC), b"{", START)
+    writer.close()
+    assert not named(Timeline(Recording(writer.path)), "calls")

@@ -3,15 +3,14 @@
 import asyncio
 import json
 
-import msgspec
 import pytest
 
 from taskrpc.robot import KinematicRobot, default_world
-from taskrpc.tasks import MemoryStore
+from taskrpc.tasks import MemoryStore, page_events
 from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.web import live
 from taskrpc.web.calls import CallLog
-from taskrpc.web.live import Live, LiveTasks, map_json, task_json, whole_task_json
+from taskrpc.web.live import Live, LiveTasks, whole_task_json
 from taskrpc.web.streams import LiveStream
 from tests.taskrpc.tasks.fakes import LineRobot
 from tests.taskrpc.web.test_streams import Connection, read
@@ -83,23 +82,23 @@ async def test_tasks_are_shown_in_run_order_with_estimates(manager):
 
 
 async def test_long_lists_are_cut_and_the_rest_is_counted(manager):
-    for number in range(3 * live.MAX_QUEUE):
+    for number in range(3 * page_events.MAX_QUEUE):
         await manager.submit("move", str(number % 7), 5)
     await asyncio.sleep(0.5)
     shown = events(LiveTasks(manager))["tasks"]
-    assert len(shown["queue"]) == live.MAX_QUEUE
-    assert shown["queued"] == live.MAX_QUEUE + shown["more"] == 3 * live.MAX_QUEUE - 1
+    assert len(shown["queue"]) == page_events.MAX_QUEUE
+    assert shown["queued"] == page_events.MAX_QUEUE + shown["more"] == 3 * page_events.MAX_QUEUE - 1
 
 
 async def test_ended_tasks_are_shown_newest_first_and_counted(manager):
-    for _ in range(live.MAX_ENDED + 5):
+    for _ in range(page_events.MAX_ENDED + 5):
         await manager.submit("move", "0", 5)
     await manager.cancel(3)
     await asyncio.sleep(500)
     shown = events(LiveTasks(manager))["tasks"]
-    assert shown["counts"] == {"SUCCEEDED": live.MAX_ENDED + 4, "CANCELED": 1}
+    assert shown["counts"] == {"SUCCEEDED": page_events.MAX_ENDED + 4, "CANCELED": 1}
     ends = [task["ended"] for task in shown["ended"]]
-    assert len(ends) == live.MAX_ENDED
+    assert len(ends) == page_events.MAX_ENDED
     assert ends == sorted(ends, reverse=True)
 
 
@@ -138,13 +137,13 @@ async def test_reprioritised_task_moves_by_the_seconds_of_its_estimate(manager):
 
 async def test_moves_are_bounded_and_an_old_delay_is_shown_once(manager):
     tasks = LiveTasks(manager)
-    for _ in range(live.MAX_QUEUE):
+    for _ in range(page_events.MAX_QUEUE):
         await manager.submit("move", "1", 5)
     await asyncio.sleep(0.5)
     events(tasks)
     await manager.submit("move", "1", 10)
     shown = events(tasks)["tasks"]
-    assert len(shown["moves"]) == live.MAX_MOVES
+    assert len(shown["moves"]) == page_events.MAX_MOVES
     await manager.pause()
     assert events(tasks)["tasks"]["moves"] == shown["moves"]
 
@@ -198,7 +197,7 @@ async def test_newest_scan_is_sent_once_with_its_ranges(driving):
 
 
 @pytest.mark.parametrize(
-    "result", [{"ranges": "none"}, {"ranges": [1.0] * (live.MAX_RANGES + 1)}, {"ranges": []}]
+    "result", [{"ranges": "none"}, {"ranges": [1.0] * (page_events.MAX_RANGES + 1)}, {"ranges": []}]
 )
 async def test_result_that_is_no_scan_is_left_out(result):
     class Own(LineRobot):
@@ -269,31 +268,12 @@ async def test_one_task_has_its_result_and_the_changes_of_its_estimate(manager):
     assert whole_task_json(manager, 99) is None
 
 
-async def test_task_has_the_agreed_fields(manager):
-    await manager.submit("move", "1", 5)
-    task = task_json(manager.repository.find(1), 1.0)
-    assert list(task) == [
-        *("task_id", "task_type", "target", "priority", "state", "client", "estimated_time"),
-        *("accepted_estimate", "progress", "message", "submitted", "started", "ended"),
-    ]
-
-
-def test_map_has_walls_and_places_and_robots_without_a_world_have_none():
-    world = default_world()
-    shown = msgspec.json.decode(msgspec.json.encode(map_json(KinematicRobot(world))))
-    assert shown["size"] == list(world.size)
-    assert shown["places"]["warehouse"] == list(world.places["warehouse"])
-    assert len(shown["boxes"]) == len(world.obstacles)
-    assert all(len(box) == 4 for box in shown["boxes"])
-    assert map_json(LineRobot()) is None
-
-
 async def test_page_gets_hello_states_and_changes(manager):
     stream, connection = LiveStream(), Connection()
     shown = Live(manager, stream, lambda: {"node": "/task_server"}, wall_clock=wall_clock)
     [(name, hello)] = read(shown.hello(control=True))
     assert name == "hello"
-    assert hello["protocol"] == live.PROTOCOL
+    assert hello["protocol"] == page_events.PROTOCOL
     assert hello["control"] is True
     assert hello["server"]["node"] == "/task_server"
     assert hello["server"]["speed"] == 1.0
