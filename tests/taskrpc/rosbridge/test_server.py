@@ -125,6 +125,7 @@ async def test_one_client_too_many_is_refused(web, http, monkeypatch):
     headers = refused.value.headers
     assert headers["Server"] == "taskrpc"
     assert headers["X-Content-Type-Options"] == "nosniff"
+    assert headers["Connection"] == "close"
 
 
 async def test_client_that_does_not_read_loses_only_its_own_connection(
