@@ -90,11 +90,13 @@ async def test_calls_of_a_killed_server_end_at_once_with_unknown_outcome(start, 
     server = start()
     calls = [client.call_async(ask(n, 60_000), timeout=None) for n in range(100)]
     assert await line(server) == "running\n"
-    began = time.perf_counter()
     server.kill()
-    errors = await asyncio.gather(*calls, return_exceptions=True)
-    assert time.perf_counter() - began < 1
+    async with asyncio.timeout(
+        60
+    ):  # they have no deadline: only the end of the connection ends them
+        errors = await asyncio.gather(*calls, return_exceptions=True)
     assert {type(each) for each in errors} == {taskrpc.OutcomeUnknown}
+    assert all("the connection was lost" in str(each) for each in errors)
     assert {each.not_executed for each in errors} == {None}
     assert isinstance(await outcome(client.call(ask(1))), taskrpc.ServiceUnavailable)
 
@@ -130,7 +132,7 @@ async def test_second_signal_ends_a_draining_server_at_once(start, client):
     await until(lambda: not client.service_is_ready())  # it drains
     assert server.poll() is None
     server.terminate()
-    assert await asyncio.to_thread(server.wait, 5) == 128 + signal.SIGTERM
+    assert await asyncio.to_thread(server.wait, 60) == 128 + signal.SIGTERM  # 0 if it had drained
     assert isinstance(await outcome(call), taskrpc.OutcomeUnknown)
 
 
