@@ -256,7 +256,8 @@ class WebServer:
             tab.pause()  # until its first bytes are written
             connection.keep(tab)
             await response.prepare(request)
-            hello = live.events.hello(control=self._guard.holder(head) is not None)
+            holder = self._guard.holder(head)
+            hello = live.events.hello(control=holder is not None and holder.may_control)
             await response.write(hello + states)
             if not connection.is_full:
                 tab.resume()

@@ -9,7 +9,7 @@ import time
 import msgspec
 
 from taskrpc.security.accounts import AccountSource
-from taskrpc.security.roles import account_of
+from taskrpc.security.roles import Role, account_of
 
 
 class Holder(msgspec.Struct, frozen=True):
@@ -19,6 +19,13 @@ class Holder(msgspec.Struct, frozen=True):
     """The account, "" for the server's own user."""
     token: str = ""
     """The account's token, "" for the server's own user."""
+    role: Role = Role.ADMIN
+    """What the account may do, at the time of the request."""
+
+    @property
+    def may_control(self) -> bool:
+        """Whether any service that changes something accepts the holder; `OBSERVE` only sees."""
+        return self.role > Role.OBSERVE
 
 
 class Tokens:
@@ -58,7 +65,8 @@ class Tokens:
         account = self._accounts.current.find(name, time.time())
         # Compare in every case: the time of the response must not reveal which accounts exist.
         expected = f"{given[::-1]}-" if account is None else account.token
-        return Holder(name, given) if _is_same(given, expected) and account else None
+        is_valid = _is_same(given, expected)
+        return Holder(name, given, account.role) if is_valid and account else None
 
 
 def _is_same(given: str, expected: str) -> bool:

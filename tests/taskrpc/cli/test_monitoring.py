@@ -11,7 +11,8 @@ import trustme
 import taskrpc
 from taskrpc.cli.monitoring import Monitoring
 from taskrpc.cli.shared.remote import Remote
-from taskrpc.tasks import TaskServer
+from taskrpc.tasks import MemoryStore, TaskServer
+from taskrpc.web import server as web_server
 from tests.taskrpc.tasks.fakes import FullStore, LineRobot
 
 SECRET = "s" * 20
@@ -140,3 +141,38 @@ async def test_clients_of_rosbridge_are_told_that_the_server_ends():
                 end = asyncio.ensure_future(socket.receive())
             message = await asyncio.wait_for(end, 60)
         assert (message.data, message.extra) == (1001, "the server is ending")
+
+
+@pytest.mark.real_time
+async def test_account_with_the_role_observe_sees_the_page_and_cannot_control(
+    accounts, monkeypatch
+):
+    # As from another machine: the server's own user needs no token for looking.
+    monkeypatch.setattr(web_server, "is_other_user", lambda peer, local: True)
+    token = f"ana.{SECRET}"
+    async with taskrpc.Node("task_server", accounts=accounts) as node:
+        server = TaskServer(node, LineRobot(), MemoryStore(), join=True)
+        await server.start()
+        await server.manager.submit("move", "1", 5)
+        web = Monitoring("127.0.0.1:0", Remote(), str(accounts)).web(server, node)
+        headers = {"Authorization": f"Bearer {token}"}
+        async with web, aiohttp.ClientSession(web.url, headers=headers) as http:
+            async with http.get("/live") as response:
+                hello = await response.content.readuntil(b"\n\n")
+                assert response.status == 200
+                assert b'"control":false' in hello
+            async with http.get("/task/1") as response:
+                assert (await response.json())["task_id"] == 1
+            for verb in ("pause", "stop", "submit", "cancel"):
+                body = {"task_id": 1} if verb == "cancel" else {}
+                async with http.post(f"/control/{verb}", json=body) as response:
+                    assert response.status == 403
+                    problem = (await response.json())["message"]
+                    assert "the account ana has observe" in problem
+            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+                await http.ws_connect("/")
+            assert refused.value.status == 401
+            async with http.get("/live", headers={"Authorization": ""}) as response:
+                assert response.status == 401
+        assert not server.manager.is_paused
+        await server.close()

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskrpc.security.accounts import AccountSource
+from taskrpc.security.roles import Role
 from taskrpc.web.tokens import Holder, Tokens
 
 SECRET = "s" * 20
@@ -46,7 +47,13 @@ def test_token_for_control_stands_for_the_user_of_the_server(tokens):
 
 def test_token_of_an_account_stands_for_the_account(tokens):
     token = f"ana.{SECRET}"
-    assert tokens.holder(token) == Holder("ana", token)
+    assert tokens.holder(token) == Holder("ana", token, Role.OBSERVE)
+
+
+def test_account_with_the_role_observe_may_not_control():
+    assert not Holder("ana", "", Role.OBSERVE).may_control
+    assert Holder("ana", "", Role.SUBMIT).may_control
+    assert Holder("").may_control
 
 
 def test_token_for_looking_does_not_allow_control(tokens):

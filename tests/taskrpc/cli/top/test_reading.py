@@ -17,9 +17,9 @@ from taskrpc.tasks import MemoryStore, TaskServer
 
 
 @contextlib.asynccontextmanager
-async def task_server():
+async def task_server(**options):
     # A program of its own, so that `top` does not share its endpoint.
-    async with taskrpc.Node("task_server", transport="memory", listen="server") as node:
+    async with taskrpc.Node("task_server", transport="memory", listen="server", **options) as node:
         server = TaskServer(node, KinematicRobot(default_world()), MemoryStore())
         await server.start()
         try:
@@ -29,8 +29,8 @@ async def task_server():
 
 
 @contextlib.asynccontextmanager
-async def top(period=1.0):
-    async with taskrpc.Node("_top", transport="memory", listen="top") as node:
+async def top(period=1.0, **options):
+    async with taskrpc.Node("_top", transport="memory", listen="top", **options) as node:
         yield Reader(node, place="", period=period, hidden=False)
 
 
@@ -132,3 +132,28 @@ async def test_a_silent_program_does_not_delay_a_reading_beyond_its_period(monke
         view = await reader.read()
         assert asyncio.get_running_loop().time() - began <= 0.5
         assert view.nodes[0].problem == "it did not answer in time"
+
+
+async def test_account_with_the_role_observe_sees_everything_and_cannot_control():
+    ana = taskrpc.Account("ana", "s" * 20, role=taskrpc.Role.OBSERVE)
+    bo = taskrpc.Account("bo", "t" * 20, role=taskrpc.Role.SUBMIT)
+    async with (
+        task_server(accounts=taskrpc.Accounts([ana, bo])) as server,
+        taskrpc.Node("bo", transport="memory", listen="bo", token=bo.token) as user,
+        taskrpc.Node("ana", transport="memory", listen="ana", token=ana.token) as observer,
+        top(token=ana.token) as reader,
+    ):
+        await reader.read()
+        await submit(user, "warehouse", 8)
+        await asyncio.sleep(1)
+        view = await reader.read()
+        [shown] = view.task_servers
+        assert (shown.problem, [task.work for task in shown.tasks]) == ("", ["move warehouse"])
+        assert shown.pose is not None
+        assert next(row for row in view.services if row.name == "/robot_task").codes == {0: 1}
+        with pytest.raises(taskrpc.PermissionDenied, match="the account ana has observe"):
+            await submit(observer, "dock", 3)
+        pause = srvgen.load("taskrpc_interfaces/srv/PauseTasks")
+        with pytest.raises(taskrpc.PermissionDenied, match="the account ana has observe"):
+            await observer.create_client(pause, "/robot_task/pause").call(pause.Request())
+        assert not server.manager.is_paused
