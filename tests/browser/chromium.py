@@ -116,8 +116,8 @@ class Tab:
         self._browser = browser
         self._handle = browser.current_window_handle
         self._reports = reports
-        self._command("Page.enable")
-        self._command("Page.addScriptToEvaluateOnNewDocument", source=_WATCH)
+        self.command("Page.enable")
+        self.command("Page.addScriptToEvaluateOnNewDocument", source=_WATCH)
 
     def open(self, url: str) -> None:
         """Load a page from the beginning, also if only the fragment of its URL differs."""
@@ -140,7 +140,7 @@ class Tab:
 
     def size(self, width: int, height: int) -> None:
         """Give the page this many pixels; narrow pages behave as on a phone."""
-        self._command(
+        self.command(
             "Emulation.setDeviceMetricsOverride",
             width=width,
             height=height,
@@ -154,7 +154,7 @@ class Tab:
             {"name": f"prefers-{name.replace('_', '-')}", "value": value}
             for name, value in features.items()
         ]
-        self._command("Emulation.setEmulatedMedia", features=named)
+        self.command("Emulation.setEmulatedMedia", features=named)
 
     def picture(self, path: Path) -> None:
         """Write what the tab shows to a PNG file."""
@@ -244,7 +244,7 @@ class Tab:
         if not self.run("return typeof axe === 'object'"):
             source = (node_modules() / "axe-core" / "axe.min.js").read_text(encoding="utf-8")
             # The debugger may evaluate it: the page's policy allows scripts of the server only.
-            self._command("Runtime.evaluate", expression=source)
+            self.command("Runtime.evaluate", expression=source)
         found = json.loads(self.run_async("return JSON.stringify((await axe.run()).violations)"))
         return [
             f"{rule['id']} ({rule['impact']}): {rule['help']}: {node['html'][:200]}"
@@ -265,6 +265,6 @@ class Tab:
     def _select(self) -> None:
         self._browser.switch_to.window(self._handle)
 
-    def _command(self, name: str, **parameters: Any) -> Any:
+    def command(self, name: str, **parameters: Any) -> Any:
         self._select()
         return self._browser.execute_cdp_cmd(name, parameters)
