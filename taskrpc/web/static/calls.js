@@ -1,11 +1,13 @@
 // Draws the calls live: one lane a client, then the server, the queue and the robot; time goes right.
 
-import { byId, calm, drawn, element, setAttribute, setText } from "./dom.js";
+import { byId, calm, drawn, element, setAttribute, setStyle, setText } from "./dom.js";
 import { Lanes } from "./lanes.js";
 import { callText, meaning, milliseconds, plural, taskText } from "./words.js";
 
 const WINDOW = 10; // seconds that the track shows
 const REBASE = 10; // seconds until the drawing starts again at a new origin
+const MOTION = 60; // seconds of one animation; longer than until the next origin
+const DRIFT = 40; // milliseconds that the drawing may be early or late
 const BAR = 0.1875; // rem, the least length of a call
 const LONG = 0.1; // seconds; a longer call is drawn as a thin bar, or it would hide the others
 const QUIET = 40; // calls/s above which only notable calls have a line to the server
@@ -25,6 +27,7 @@ export class CallsView {
     this.bars = drawn("g");
     this.work = drawn("g");
     this.moving = drawn("svg", { class: "moving", "aria-hidden": "true" }, this.bars, this.work);
+    this.motion = null; // the animation that moves the drawing
     this.lanes.track.append(this.moving, this.empty);
     this.tooltip = byId("tooltip");
     this.origin = 0;
@@ -56,6 +59,7 @@ export class CallsView {
     this.pixels = this.lanes.width / WINDOW;
     this.bar = BAR * this.lanes.rem;
     this.origin = this.model.now() - WINDOW;
+    this.halt();
     this.moving.setAttribute("width", this.lanes.width * 2);
     this.moving.setAttribute("height", this.lanes.height);
     this.bars.replaceChildren();
@@ -114,6 +118,12 @@ export class CallsView {
     if (plain.length) batch.append(drawn("path", { class: "plain", d: plain.join("") }));
     batch.append(...queued);
     if (batch.children.length) this.bars.append(batch);
+    this.showEmpty();
+  }
+
+  /** Say so if no call is drawn: an open call and each call in the window has a mark. */
+  showEmpty() {
+    this.empty.hidden = this.bars.childElementCount > 0;
   }
 
   isSubmission(call) {
@@ -182,16 +192,34 @@ export class CallsView {
     this.lanes.forget(now);
     const limit = now - WINDOW;
     for (const node of [...this.bars.children]) if (Number(node.dataset.end) < limit) node.remove();
-    this.empty.hidden = this.model.calls.size > 0;
+    this.showEmpty();
     if (this.open.size) this.showLatest();
     if (now - this.origin > WINDOW + REBASE || now < this.origin) this.redraw();
   }
 
-  /** Move the drawing; this is all that happens in a frame without news. */
+  /** Move the drawing. While the page is live, the browser does this without any further script. */
   frame(time) {
     if (!this.isShown || !this.lanes.ready) return;
+    const { state } = this.model.connection;
+    if (state === "live" && !calm.matches) {
+      const at = (time - this.origin) * 1000;
+      this.motion ??= this.moving.animate([{ transform: this.place(0) }, { transform: this.place(MOTION) }], MOTION * 1000);
+      if (Math.abs(this.motion.currentTime - at) > DRIFT) this.motion.currentTime = at;
+      return;
+    }
+    this.halt();
     const now = calm.matches ? Math.floor(time) : time; // reduced motion: one step a second
-    this.moving.style.transform = `translateX(${(this.lanes.width - (now - this.origin) * this.pixels).toFixed(1)}px)`;
+    setStyle(this.moving, "transform", this.place(now - this.origin));
+  }
+
+  /** Return where the drawing is some seconds after its origin. */
+  place(seconds) {
+    return `translateX(${(this.lanes.width - seconds * this.pixels).toFixed(1)}px)`;
+  }
+
+  halt() {
+    this.motion?.cancel();
+    this.motion = null;
   }
 
   point(event) {

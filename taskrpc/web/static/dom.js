@@ -29,9 +29,10 @@ export function setText(node, text) {
   if (node.shown !== text) node.textContent = node.shown = text;
 }
 
-/** Set a property of an element's style, unless it is so already. */
+/** Set a property of an element's style, unless this function has set the same value before. */
 export function setStyle(node, name, value) {
-  if (node.style[name] !== value) node.style[name] = value;
+  node.styled ??= {};
+  if (node.styled[name] !== value) node.style[name] = node.styled[name] = value;
 }
 
 /** Set an attribute, or remove it for null, and do nothing if it is so already. */

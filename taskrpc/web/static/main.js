@@ -1,4 +1,4 @@
-// Starts the page: connects the event stream, the model and the views, and draws once a frame.
+// Starts the page: connects the event stream, the model and the views, and draws what has changed.
 
 import { CallList, CallsView } from "./calls.js";
 import { ClassView } from "./class.js";
@@ -152,14 +152,30 @@ async function openRecording() {
 const stream = new LiveStream(token, (name, data) => {
   model.apply(name, data);
   if (name === "hello" && data.recording) openRecording();
-}, (state, text) => model.setConnection(state, text));
+  wake();
+}, (state, text) => {
+  model.setConnection(state, text);
+  wake();
+});
 
+let requested = 0;
 let ticked = 0;
 
-/** Bring the page up to date; nothing here reads the layout. */
+/** Draw at the next frame. */
+function wake() {
+  requested ||= requestAnimationFrame(frame);
+}
+
+/**
+ * Bring the page up to date; nothing here reads the layout. A live page does this some ten times a
+ * second: in between, the browser moves the calls, the robot and the bar without any script.
+ */
 function frame(time) {
-  requestAnimationFrame(frame);
-  recording?.clock && recording.frame();
+  requested = 0;
+  if (recording?.clock) {
+    recording.frame();
+    wake();
+  }
   const { changed } = model;
   if (changed.size) {
     model.changed = new Set();
@@ -171,7 +187,7 @@ function frame(time) {
   tasks.frame();
   calls.frame(now);
   slow.frame();
-  if (time - ticked < TICK) return;
+  if (time - ticked < TICK / 2) return;
   ticked = time;
   for (const view of [status, tasks, calls, list]) view.tick();
 }
@@ -180,4 +196,4 @@ setUpMessageButtons();
 setUpTheme();
 setUpParts();
 stream.run();
-requestAnimationFrame(frame);
+setInterval(wake, TICK);

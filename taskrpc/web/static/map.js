@@ -1,6 +1,7 @@
 // Draws the map: walls, places, the robot with its path, trail and newest scan.
 
 import { byId, drawn, element, icon, setAttribute, setStyle, setText } from "./dom.js";
+import { turnBetween } from "./model.js";
 import { degrees } from "./words.js";
 
 const SCAN_AGE = 6; // robot seconds that a scan is shown
@@ -36,6 +37,7 @@ export class MapView {
     this.motion = element("span", { id: "motion", class: "motion" });
     this.text.append(this.motion, this.pose, this.odometer, this.battery);
     this.scale = 0;
+    this.turn = 0; // of the drawing, clockwise; it counts on beyond a whole turn
     new ResizeObserver(([entry]) => this.resize(entry.contentRect)).observe(this.root);
     this.svg.addEventListener("pointermove", (event) => this.showPoint(event));
     this.svg.addEventListener("pointerleave", () => setText(this.hover, ""));
@@ -198,11 +200,13 @@ export class MapView {
     );
   }
 
+  /** Move the robot; the style sheet lets it glide from one pose to the next. */
   frame(now) {
     const pose = this.model.pose();
     if (!pose || !this.scale) return;
     const [x, y] = this.at([pose.x, pose.y]);
-    setStyle(this.robot, "transform", `translate(${(x - this.half).toFixed(1)}px, ${(y - this.half).toFixed(1)}px) rotate(${(-pose.theta).toFixed(3)}rad)`);
+    this.turn -= turnBetween(-this.turn, pose.theta); // the short way round, also across 180 degrees
+    setStyle(this.robot, "transform", `translate(${(x - this.half).toFixed(1)}px, ${(y - this.half).toFixed(1)}px) rotate(${this.turn.toFixed(3)}rad)`);
     const { scan } = this.model;
     const age = scan ? (now - scan.t) * this.model.speed : Infinity;
     setStyle(this.scan, "opacity", String(Math.max(0, Math.min(1, Math.round((SCAN_AGE - age) * 20) / 20))));

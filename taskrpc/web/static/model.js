@@ -5,7 +5,10 @@ const CALL_AGE = 15; // seconds that an ended call is kept; longer than the lane
 const POSES = 40; // most poses that are kept for the interpolation
 const TRAIL = 400; // most points of the trail
 const TRAIL_STEP = 0.05; // metres between two points of the trail
-const DELAY = 0.15; // seconds that the robot is drawn late, so that there is a next pose to move to
+const DELAY = 0.15; // seconds that a recorded robot is drawn late, so that there is a next pose to move to
+
+/** Return the shortest turn from one heading to another, in radians. */
+export const turnBetween = (from, to) => Math.atan2(Math.sin(to - from), Math.cos(to - from));
 
 /** The server's clock, as this tab knows it: it follows the least delayed event. */
 class ServerClock {
@@ -70,6 +73,10 @@ export class Model {
 
   get canControl() {
     return Boolean(this.hello?.control) && this.connection.state === "live";
+  }
+
+  get isRecording() {
+    return this.connection.state === "recording";
   }
 
   setConnection(state, text) {
@@ -153,10 +160,11 @@ export class Model {
 
   apply_ending() {}
 
-  /** Return the robot's pose at this frame, between two known poses; null before the first one. */
+  /** Return the robot's pose now: the newest one, or in a recording between two; null before the first one. */
   pose() {
-    const at = this.now() - DELAY;
     const { poses } = this;
+    if (!this.isRecording) return poses.at(-1) ?? null;
+    const at = this.now() - DELAY;
     if (!poses.length) return null;
     let i = poses.length - 1;
     while (i > 0 && poses[i - 1].t >= at) i--;
@@ -164,11 +172,10 @@ export class Model {
     const before = poses[i - 1];
     if (!before || after.t <= at) return after;
     const share = Math.max(0, Math.min(1, (at - before.t) / (after.t - before.t)));
-    const turn = Math.atan2(Math.sin(after.theta - before.theta), Math.cos(after.theta - before.theta));
     return {
       x: before.x + share * (after.x - before.x),
       y: before.y + share * (after.y - before.y),
-      theta: before.theta + share * turn,
+      theta: before.theta + share * turnBetween(before.theta, after.theta),
     };
   }
 

@@ -4,7 +4,7 @@ import { animate, byId, calm, drawn, setAttribute, setText } from "./dom.js";
 import { QUEUE, ROBOT, SERVER } from "./lanes.js";
 import { callText, meaning, milliseconds, taskText } from "./words.js";
 
-const PERIOD = 1.1; // seconds that each message takes
+const PERIOD = 0.9; // seconds that each message takes at least
 const BACKLOG = 24; // most messages that wait; further calls are skipped, so that the play stays near the present
 const STEP = 11; // rem between two messages
 const KEPT = 16; // messages that stay in the drawing

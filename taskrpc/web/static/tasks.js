@@ -28,8 +28,7 @@ class NowView {
     this.badge = stateBadge("RUNNING");
     this.title = element("button", { type: "button", class: "now_title link", id: "now_title" }, element("span", { class: "now_id" }), element("span"));
     this.facts = element("p", { class: "quiet now_facts", id: "now_facts" });
-    this.fill = element("div");
-    this.bar = element("div", { class: "bar", id: "now_bar", role: "progressbar", "aria-label": "Progress of the running task", "aria-valuemin": 0, "aria-valuemax": 100 }, this.fill);
+    this.bar = element("div", { class: "bar", id: "now_bar", role: "progressbar", "aria-label": "Progress of the running task", "aria-valuemin": 0, "aria-valuemax": 100 });
     this.text = element("p", { class: "now_text", id: "now_text" });
     this.card = element("div", { class: "now_card" }, element("div", { class: "now_head" }, this.badge, this.title, this.facts), element("div", { class: "now_progress" }, this.bar, this.text));
     this.idle = element("div", { class: "idle", id: "idle" }, element("span", { class: "state", "data-tone": "quiet" }, icon("QUEUED"), element("span", {}, "Idle")), element("p", { class: "quiet" }));
@@ -42,6 +41,10 @@ class NowView {
     const task = tasks?.running;
     this.card.hidden = !task;
     this.idle.hidden = Boolean(task);
+    if (this.root.dataset.task !== String(task?.task_id)) {
+      this.fill = element("div"); // a new one, that does not glide back from the end
+      this.bar.replaceChildren(this.fill);
+    }
     setAttribute(this.root, "data-task", task?.task_id);
     if (!task) {
       const text = !tasks ? "Waiting for the server." : tasks.paused ? "The queue is paused: no task begins until it is resumed." : "The robot has no task.";

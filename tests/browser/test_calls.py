@@ -1,0 +1,36 @@
+"""The calls of the live page: their lanes, and what is said when there are none."""
+
+from __future__ import annotations
+
+import pytest
+
+# The number of calls in the drawing, and whether the text is hidden.
+_STATE = """return [
+    document.querySelectorAll("#calls .moving > g:first-of-type > *").length,
+    document.getElementById("calls_empty").hidden,
+]"""
+_MOVED = "return new DOMMatrix(getComputedStyle(document.querySelector('.moving')).transform).e"
+
+
+@pytest.mark.slow
+def test_page_says_again_that_there_is_no_call_when_the_last_one_has_left(
+    start_server, services, open_page
+):
+    page = open_page(start_server())
+    page.tab.wait(lambda: page.tab.shows("#calls_empty"), "the text before the first call")
+    services.call("/list")
+    page.tab.wait(lambda: not page.tab.shows("#calls_empty"), "the first call")
+    page.tab.wait(lambda: not page.tab.run(_STATE)[0], "the call to leave the drawing")
+    assert page.tab.run(_STATE) == [0, False]
+
+
+def test_browser_moves_the_calls_between_two_frames_of_the_page(start_server, services, open_page):
+    page = open_page(start_server())
+    services.call("/list")
+    page.tab.wait(
+        lambda: page.tab.run("return document.querySelector('.moving').getAnimations().length"),
+        "the calls to move",
+    )
+    page.tab.run("globalThis.requestAnimationFrame = () => 0")  # no frame of the page from now on
+    before = page.tab.run(_MOVED)
+    page.tab.wait(lambda: page.tab.run(_MOVED) < before - 1, "the calls to move on")
