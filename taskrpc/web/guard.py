@@ -3,7 +3,8 @@
 The first hazard is a browser on the robot's own machine: any web page can make it send requests
 here, under a host name that resolves to this machine (DNS rebinding). So the Host header must
 contain one of the server's own names, and pages of other servers get no answer. The second hazard
-are other users of the machine: on Linux, the live page is for the server's own user.
+are other users of the machine: on Linux, the live page is for the server's own user (`peers` says
+why only there).
 """
 
 from __future__ import annotations

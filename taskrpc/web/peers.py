@@ -1,4 +1,13 @@
-"""Finds the user of the process at the other end of a connection of this machine (Linux only)."""
+"""Finds the user of the process at the other end of a connection of this machine (Linux only).
+
+Linux shows the user of every socket to every process, in `/proc/net/tcp`. Python's standard library
+has no call for this on macOS and Windows. The functions of these systems could be called through
+ctypes, but do not give the answer: Windows names the process of a connection, and hides the user of
+processes that belong to others. So a virus scanner that passes the browser's connection on would
+look like another user, and would lock the user out. macOS documents no function for it. On these
+systems, the token of the link for control protects what the page can change; what the page shows,
+and rosbridge, are open to all users of the machine.
+"""
 
 from __future__ import annotations
 
