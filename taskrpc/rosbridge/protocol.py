@@ -151,6 +151,17 @@ class Fragment(Operation, tag="fragment"):
 _OPERATIONS: dict[str, type[Operation]] = {
     str(cls.__struct_config__.tag): cls for cls in Operation.__subclasses__()
 }
+_NO_ACTIONS = "actions are not supported"
+_UNSUPPORTED = {
+    "advertise_action": _NO_ACTIONS,
+    "unadvertise_action": _NO_ACTIONS,
+    "cancel_action_goal": _NO_ACTIONS,
+    "action_feedback": _NO_ACTIONS,
+    "action_result": _NO_ACTIONS,
+    "auth": "not supported; send the HTTP header Authorization with the request for the WebSocket",
+    "png": "not supported; send the operation as JSON",
+}
+"""Operations of rosbridge_suite that do not exist here."""
 _Any = (
     Advertise
     | Unadvertise
@@ -198,6 +209,8 @@ def _converted(value: Any) -> Operation:
     if not isinstance(value, dict):
         raise BadOperation(f"expected a JSON object with the field op, got {_kind(value)}")
     known, name = _id_of(value), value.get("op")
+    if isinstance(name, str) and name in _UNSUPPORTED:
+        raise BadOperation(f"{name}: {_UNSUPPORTED[name]}", known)
     if not isinstance(name, str) or name not in _OPERATIONS:
         got = "none" if name is None else repr(name)[:80]
         raise BadOperation(f"unknown op {got}; there are {', '.join(_OPERATIONS)}", known)

@@ -294,7 +294,7 @@ class Session:
         topic = node.resolve_topic_name(operation.topic)
         if operation.compression not in (None, "", "none"):
             text = f"subscribe: no compression {operation.compression}; messages are sent as JSON"
-            self._report("warning", text, operation.id)
+            self._report("error", text, operation.id)
         known = self._subscriptions.get(topic)
         if known is not None:
             known.add(operation)
@@ -317,9 +317,10 @@ class Session:
         topic = self._bridge.node.resolve_topic_name(operation.topic)
         known = self._subscriptions.get(topic)
         if known is None:
-            text = f"unsubscribe: this client has no subscription of {topic}"
-            self._report("warning", text, operation.id)
-        elif known.remove(operation.id):
+            raise BadOperation(
+                f"unsubscribe: this client has no subscription of {topic}", operation.id
+            )
+        if known.remove(operation.id):
             self._subscriptions.pop(topic).close()
 
     async def _advertise(self, operation: protocol.Advertise) -> None:
@@ -341,9 +342,8 @@ class Session:
         topic = self._bridge.node.resolve_topic_name(operation.topic)
         known = self._publishers.get(topic)
         if known is None:
-            text = f"unadvertise: this client does not advertise {topic}"
-            self._report("warning", text, operation.id)
-        elif known.remove(operation.id):
+            raise BadOperation(f"unadvertise: this client does not advertise {topic}", operation.id)
+        if known.remove(operation.id):
             self._publishers.pop(topic).close()
 
     async def _publish(self, operation: protocol.Publish) -> None:

@@ -20,7 +20,7 @@ _MAX_DEPTH = 1_000
 _MAX_RATE = 3_600_000
 """Most milliseconds between two messages of a throttled topic."""
 _MAX_IDS = 256
-"""Most subscriptions of one client to one topic."""
+"""Most subscriptions of one client to one topic, and most ids with which it advertises one."""
 _HOLD = 1.0
 """Seconds for which a new publisher keeps messages until the subscriptions are connected."""
 
@@ -53,10 +53,11 @@ class ClientSubscription:
         self._sent = 0
         self._throttle: Throttle[Any] = Throttle(0.0, 0)
         self._fragment_size = 0
-        self.add(operation)
         topic = node.resolve_topic_name(operation.topic)
         publishers = graph.publishers_of(topic)
-        cls = message_class(operation.type or graph.type_of(topic))
+        self._cls = message_class(operation.type or graph.type_of(topic))
+        _check_type(topic, operation.type, self._cls, graph.type_of(topic))
+        self.add(operation)
         reliable = all(each.reliable for each in publishers)
         latched = bool(publishers) and all(each.latched for each in publishers)
         qos = QoS(
@@ -65,22 +66,28 @@ class ClientSubscription:
             "transient_local" if latched else "volatile",
         )
         self._subscription = node.create_subscription(
-            cls, operation.topic, self._arrived, qos, on_mismatch=on_mismatch
+            self._cls, operation.topic, self._arrived, qos, on_mismatch=on_mismatch
         )
 
     def add(self, operation: Subscribe) -> None:
         """Add a subscription of the client, or replace the one with the same id."""
+        if operation.type:
+            cls = message_class(operation.type)
+            _check_type(operation.topic, operation.type, cls, self._cls._TYPE)
         if operation.id not in self._wanted and len(self._wanted) >= _MAX_IDS:
             raise TaskRpcError(f"expected at most {_MAX_IDS} subscriptions of one topic")
         self._wanted[operation.id] = operation
         self._apply()
 
     def remove(self, name: Id) -> bool:
-        """Remove the subscription of this id, or all without one; return whether none is left."""
+        """Remove the subscription of this id, or all without one; return whether none is left.
+
+        Raises TaskRpcError.
+        """
         if name is None:
             self._wanted.clear()
-        else:
-            self._wanted.pop(name, None)
+        elif self._wanted.pop(name, None) is None:
+            raise TaskRpcError(f"no subscription of {self._topic} has the id {name!r}")
         if self._wanted:
             self._apply()
         return not self._wanted
@@ -150,12 +157,10 @@ class ClientPublisher:
         graph: Graph,
         on_mismatch: Callable[[str], object],
     ) -> None:
-        topic = node.resolve_topic_name(operation.topic)
+        self._topic = topic = node.resolve_topic_name(operation.topic)
         self._cls = message_class(operation.type)
         self.type_name: str = self._cls._TYPE
-        known = graph.type_of(topic)
-        if known and known != self._cls._TYPE:
-            raise TaskRpcError(f"the topic {topic} has the type {known}, not {operation.type}")
+        _check_type(topic, operation.type, self._cls, graph.type_of(topic))
         self._ids: set[Id] = set()
         depth = count_of(operation.queue_size, 100, _MAX_DEPTH) or 100
         qos = QoS(depth, durability="transient_local" if operation.latch else "volatile")
@@ -172,18 +177,22 @@ class ClientPublisher:
         self._matched()
 
     def add(self, operation: Advertise) -> None:
-        """Note that the client has advertised the topic once more."""
-        if message_class(operation.type) is not self._cls:
-            raise TaskRpcError(
-                f"the topic {operation.topic} has the type {self._cls._TYPE}, not {operation.type}"
-            )
-        if len(self._ids) < _MAX_IDS:
-            self._ids.add(operation.id)
+        """Note that the client has advertised the topic once more. Raises TaskRpcError."""
+        cls = message_class(operation.type)
+        _check_type(operation.topic, operation.type, cls, self._cls._TYPE)
+        if operation.id not in self._ids and len(self._ids) >= _MAX_IDS:
+            raise TaskRpcError(f"expected at most {_MAX_IDS} ids that advertise one topic")
+        self._ids.add(operation.id)
 
     def remove(self, name: Id) -> bool:
-        """Note that the client does not advertise any more; return whether no id is left."""
+        """Note that the client does not advertise any more; return whether no id is left.
+
+        Raises TaskRpcError.
+        """
         if name is None:
             self._ids.clear()
+        elif name not in self._ids:
+            raise TaskRpcError(f"the client has not advertised {self._topic} with the id {name!r}")
         self._ids.discard(name)
         return not self._ids
 
@@ -209,3 +218,9 @@ class ClientPublisher:
         held, self._held = self._held, None
         for message in held or ():
             self._publisher.publish(message)
+
+
+def _check_type(topic: str, wanted: str | None, cls: Any, known: str) -> None:
+    """Raise TaskRpcError if a topic has another type than the client wants."""
+    if known and known != cls._TYPE:
+        raise TaskRpcError(f"the topic {topic} has the type {known}, not {wanted}")

@@ -25,6 +25,8 @@ def message_class(type_name: str) -> Any:
 
     Raises DefinitionError; TaskRpcError for a type that is not a message.
     """
+    if type_name.startswith("actionlib_msgs/"):  # ROSLIB.ActionClient
+        raise TaskRpcError(f"{type_name}: actions are not supported")
     try:
         return message_type(srvgen.load(message_type_name(type_name)))
     except TypeError as error:

@@ -233,14 +233,13 @@ async def test_unexpected_error_is_logged_and_told_without_details(monkeypatch, 
 
 async def test_level_decides_which_statuses_are_sent():
     async with connected() as (_, client):
-        await client.send("unsubscribe", topic="/x")
-        await client.send("set_level", level="warning")
-        await client.send("unsubscribe", topic="/x")
+        await client.send("service_response", id="x")
+        await client.session.receive("{")
+        await client.send("set_level", level="info")
+        await client.send("service_response", id="x")
         await client.send("set_level", level="none")
         await client.session.receive("{")
-        assert [(each["level"], each["msg"]) for each in client.sent] == [
-            ("warning", "unsubscribe: this client has no subscription of /x")
-        ]
+        assert [each["level"] for each in client.sent] == ["error", "info"]
 
 
 async def test_operation_in_fragments_is_carried_out():
@@ -265,6 +264,55 @@ async def test_long_response_is_sent_in_fragments():
         await client.send("call_service", service="/tell", fragment_size=200)
         await client.next(op="fragment", num=0)
         await client.next(op="fragment", num=2, total=3)
+
+
+SUBSCRIBE = {"op": "subscribe", "topic": "/x", "type": "std_msgs/String", "id": "a"}
+ADVERTISE = {"op": "advertise", "topic": "/x", "type": "std_msgs/String", "id": "a"}
+
+
+@pytest.mark.parametrize(
+    ("operations", "problem"),
+    [
+        ([{"op": "unsubscribe", "topic": "/x"}], "this client has no subscription of /x"),
+        (
+            [SUBSCRIBE, {"op": "unsubscribe", "topic": "/x", "id": "b"}],
+            "unsubscribe: no subscription of /x has the id 'b'",
+        ),
+        ([{"op": "unadvertise", "topic": "/x"}], "this client does not advertise /x"),
+        (
+            [ADVERTISE, {"op": "unadvertise", "topic": "/x", "id": "b"}],
+            "unadvertise: the client has not advertised /x with the id 'b'",
+        ),
+        (
+            [ADVERTISE, SUBSCRIBE | {"type": "std_msgs/Bool"}],
+            "subscribe: the topic /x has the type std_msgs/msg/String, not std_msgs/Bool",
+        ),
+        (
+            [SUBSCRIBE, SUBSCRIBE | {"type": "std_msgs/Bool", "id": "b"}],
+            "subscribe: the topic /x has the type std_msgs/msg/String, not std_msgs/Bool",
+        ),
+        ([SUBSCRIBE | {"compression": "png"}], "no compression png; messages are sent as JSON"),
+        ([{"op": "advertise_action", "action": "/dock"}], "actions are not supported"),
+        ([{"op": "cancel_action_goal", "action": "/dock"}], "actions are not supported"),
+        ([SUBSCRIBE | {"type": "actionlib_msgs/GoalStatusArray"}], "actions are not supported"),
+        ([{"op": "auth", "mac": "x"}], "send the HTTP header Authorization"),
+    ],
+)
+async def test_mistake_gets_one_error_status_with_the_reason(operations, problem):
+    async with connected() as (_, client):
+        for operation in operations:
+            await client.session.receive(json.dumps(operation))
+        [status] = client.sent
+        assert (status["op"], status["level"]) == ("status", "error")
+        assert problem in status["msg"]
+        assert status.get("id") == operations[-1].get("id")
+
+
+async def test_number_of_ids_that_advertise_one_topic_is_limited():
+    async with connected() as (_, client):
+        for number in range(257):
+            await client.session.receive(json.dumps(ADVERTISE | {"id": number}))
+        assert "at most 256 ids" in client.sent[0]["msg"]
 
 
 async def test_goal_of_an_action_is_refused_with_a_result():
