@@ -251,12 +251,14 @@ class Panel(Node):
         super().__init__("panel")
         self.declare_parameter("leds", [0, 0, 0])
         self.leds = self.get_parameter("leds").value
+        self.has_heard = False
         self.publisher = self.create_publisher(Leds, "leds", 10)
         self.create_subscription(Leds, "leds", self.heard, 10)
         self.create_service(SetLed, "set_led", self.set_led)
 
     def heard(self, message):
         print(message.leds, list(message.leds), message)
+        self.has_heard = True
 
     def set_led(self, request, response):
         print(request)
@@ -273,7 +275,8 @@ client = panel.create_client(SetLed, "set_led")
 future = client.call_async(SetLed.Request(number=1, state=1))
 rclpy.spin_until_future_complete(panel, future)
 print(future.result())
-rclpy.spin_once(panel, timeout_sec=5)
+while not panel.has_heard:
+    rclpy.spin_once(panel)
 """
 
 

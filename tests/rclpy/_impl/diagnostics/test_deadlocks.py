@@ -32,6 +32,9 @@ def test_a_callback_that_waits_for_its_own_end_is_refused_and_the_circle_drawn(r
 
 def test_a_deadlock_of_two_nodes_is_shown_in_full_and_its_caller_gets_a_short_error(run):
     source = """
+from rclpy import client as module
+module._LONG_GRACE = 0.1  # for so long the end of the executor waits for a call that has failed
+
 class Asks(Node):
     def __init__(self, name, other):
         super().__init__(name)

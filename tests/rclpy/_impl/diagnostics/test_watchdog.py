@@ -31,14 +31,15 @@ rclpy.spin(node)
 
 def test_a_program_that_spins_rarely_is_not_reported(run):
     source = """
+dog._LATE = dog._STUCK = 60  # a busy machine may sleep much longer
 node.create_service(AddTwoInts, "add", add)
 future = node.create_client(AddTwoInts, "add").call_async(REQUEST)
 while not future.done():
-    time.sleep(3.5)
+    time.sleep(dog._SOON + 0.5)
     rclpy.spin_once(node, timeout_sec=0.01)
 print(future.result().sum)
 """
-    assert run(HEAD + source) == (0, "3\n", "")
+    assert run(HEAD + SOONER + source) == (0, "3\n", "")
 
 
 def test_an_unspun_call_is_completed_and_reported(run):
@@ -140,8 +141,9 @@ def tick():
 timer = node.create_timer(0.01, tick, callback_group=Group())
 executor = MultiThreadedExecutor(num_threads={threads})
 executor.add_node(node)
-import threading
-threading.Timer(2, rclpy.try_shutdown).start()
+late = threading.Timer(2, rclpy.try_shutdown)
+late.daemon = True
+late.start()
 try:
     executor.spin()
 except ExternalShutdownException:
