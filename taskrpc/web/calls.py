@@ -34,6 +34,9 @@ CALLER_SECONDS = 60.0
 RATE_SECONDS = 3.0
 """Seconds over which calls per second are measured."""
 
+EARLY = 0.01
+"""Seconds before the deadline from which a cancelled call counts as late: the two clocks differ."""
+
 _WAITING_SERVICES = ("/watch",)  # their calls wait on purpose: their durations say nothing
 
 
@@ -163,7 +166,7 @@ class CallLog(Observer):
         shown = self._shown(call, self._wall_clock()) if found is None else found.shown
         shown.ms = round(seconds * 1000, 3)
         shown.state = "ok" if is_ok else "error"
-        shown.code = "" if is_ok else code.name
+        shown.code = "" if is_ok else _reason(call, code).name
         shown.repeated = call.repeated
         if call.repeated:  # an earlier attempt may have reached an earlier server
             shown.attempt = max(shown.attempt, 2)
@@ -253,6 +256,13 @@ class CallLog(Observer):
                 "open": len(self._open),
             }
         )
+
+
+def _reason(call: CallInfo, code: Code) -> Code:
+    """Return why a call failed: a client cancels the call when its timeout passes."""
+    left = call.time_left()
+    is_late = code is Code.CANCELLED and left is not None and left <= EARLY
+    return Code.DEADLINE_EXCEEDED if is_late else code
 
 
 def live_callers(log: CallLog) -> list[Caller]:

@@ -76,6 +76,15 @@ def test_ended_call_has_its_duration_and_its_code(log, clock):
     assert shown(log, clock) == []
 
 
+@pytest.mark.parametrize(("after", "expected"), [(1.0, "CANCELLED"), (1.995, "DEADLINE_EXCEEDED")])
+def test_call_that_its_client_cancels_at_its_timeout_is_shown_as_late(log, clock, after, expected):
+    late = call(1, clock, deadline=102.0)
+    log.call_began(late)
+    clock.now += after
+    log.call_ended(late, Code.CANCELLED, after)
+    assert shown(log, clock)[0]["code"] == expected
+
+
 def test_slow_call_is_shown_when_it_is_open_and_when_it_ends(log, clock):
     slow = call(1, clock)
     log.call_began(slow)
