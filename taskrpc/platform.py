@@ -24,6 +24,7 @@ _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading l
 _LONGEST_HOLD, _LOCK_RETRY = 10.0, 0.002  # seconds; how long and how often to try a Windows lock
 _HELD = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)  # errors for a lock that another process has
 _KEY_POLL = 0.1  # seconds between two looks at the keys of a Windows console
+_PREFIXES = ("\0", "\xe0")  # of a Windows console's keys that have no character
 _NO_LIMIT = 2**20
 _LONGEST_TEXT = 16 * 2**20  # bytes
 _NO_SUCH_PROCESS = 87  # Windows' ERROR_INVALID_PARAMETER: no process has this id
@@ -483,9 +484,17 @@ if sys.platform == "win32":
         import msvcrt
 
         async def read() -> None:
+            is_code = False
             while True:  # the console has no event that asyncio can wait for
                 while msvcrt.kbhit():
-                    pressed(msvcrt.getwch())
+                    key = msvcrt.getwch()
+                    # A key without a character, such as Page Down, arrives as a prefix and a code,
+                    # which may be the letter of another key. kbhit() may show the code only when
+                    # the next key is pressed, so it is not read at once: that could block.
+                    if is_code or key in _PREFIXES:
+                        is_code = not is_code
+                    else:
+                        pressed(key)
                 await asyncio.sleep(_KEY_POLL)
 
         reading = asyncio.get_running_loop().create_task(read())
