@@ -97,7 +97,7 @@ class CallReader:
         if topic.name == CALLS_TOPIC and topic.encoding == JSON:
             try:
                 return self._take_end(msgspec.json.decode(message.data, type=CallEnd))
-            except (msgspec.MsgspecError, UnicodeDecodeError):
+            except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
                 return None  # a damaged message
         if is_event(topic.type_name):
             return self._take_event(message)

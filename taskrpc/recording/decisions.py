@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import msgspec
 
-from taskrpc.recording.mcap_file import Message, RecordingError
+from taskrpc.recording.mcap_file import Message, RecordingError, one_line
 from taskrpc.robot.journal import RobotStart, RobotStep
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.queue.journal import QueueStart, QueueStep
@@ -68,7 +68,7 @@ def decision_of(message: Message) -> Decision:
     """
     try:
         decision: Decision = _decode(message.data)
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        problem = f"a message on {DECISIONS_TOPIC} cannot be read: {error}"
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+        problem = f"a message on {DECISIONS_TOPIC} cannot be read: {one_line(error)}"
         raise RecordingError(problem) from None
     return decision

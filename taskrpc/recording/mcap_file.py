@@ -8,7 +8,9 @@ finished and of unfinished files, with and without chunks, also those of rosbag2
 from __future__ import annotations
 
 import contextlib
+import io
 import os
+import stat
 import struct
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,10 +23,8 @@ from taskrpc.qos import QoS
 
 try:
     from mcap import records
-    from mcap.data_stream import RecordBuilder
-    from mcap.exceptions import EndOfFile
+    from mcap.data_stream import ReadDataStream, RecordBuilder
     from mcap.opcode import Opcode
-    from mcap.stream_reader import StreamReader
     from mcap.writer import MCAP0_MAGIC
 except ModuleNotFoundError as error:
     if error.name and not error.name.startswith("mcap"):
@@ -39,9 +39,19 @@ _SCHEMA = "ros2msg"
 _QOS = "offered_qos_profiles"
 _MESSAGE = struct.Struct("<BQHIQQ")
 """The head of a message: opcode, length, topic, number, and its time twice."""
+_HEAD = struct.Struct("<BQ")
+"""The head of each record: opcode, length."""
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+"""The head of a message after its opcode and length."""
 _FOREVER = "{sec: 9223372036, nsec: 854775807}"
 _RECORD_LIMIT = 2**30
 """Bytes of one record; a larger length is read only in a damaged file."""
+_CHUNK_LIMIT = 2**28
+"""Bytes of the contents of one chunk; rosbag2's chunks have about a megabyte."""
+_QOS_LIMIT = 2**14
+"""Characters of the text of a topic's QoS; that of fifty publishers is shorter."""
+_LONGEST_REASON = 240
+"""Characters of an error about the contents of a file."""
 _LATEST = 2**63 - 1
 """Nanoseconds since 1970; a later time is read only in a damaged file."""
 
@@ -252,47 +262,135 @@ class Recording:
     def _read(
         self, stream: BinaryIO, file: Path, offset: int, keep: Callable[[Topic], bool] | None
     ) -> Iterator[Message]:
-        schemas: dict[int, records.Schema] = {}
+        schemas: dict[int, tuple[records.Schema, str]] = {}
         kept: dict[int, Topic | None] = {}
         whole = 0  # bytes up to the end of the last whole record
         try:
-            for record in StreamReader(stream, record_size_limit=_RECORD_LIMIT).records:
-                if isinstance(record, records.Message):
-                    if record.channel_id not in kept or record.log_time > _LATEST:
+            whole = stream.seek(len(MCAP0_MAGIC))
+            for opcode, body in _records(stream, file.stat().st_size):
+                if opcode == Opcode.MESSAGE:
+                    channel_id, _, time, _ = _MESSAGE_HEAD.unpack_from(body)
+                    if channel_id not in kept or time > _LATEST:
                         raise ValueError("a message without a topic, or with an impossible time")
-                    topic = kept[record.channel_id]
+                    topic = kept[channel_id]
                     if topic is not None:
-                        yield Message(topic, record.log_time, record.data)
-                elif isinstance(record, records.Schema):
-                    schemas[record.id] = record
-                elif isinstance(record, records.Channel):
-                    if record.id not in kept:
-                        topic = _topic(record, schemas.get(record.schema_id))
-                        self.topics[offset + record.id] = topic
-                        kept[record.id] = topic if keep is None or keep(topic) else None
-                elif isinstance(record, records.Header):
-                    self.library = self.library or record.library
-                elif isinstance(record, records.DataEnd):
+                        yield Message(topic, time, body[_MESSAGE_HEAD.size :])
+                elif opcode == Opcode.SCHEMA:
+                    schema = records.Schema.read(_fields(body))
+                    # Decoded only once: many topics may have the same long schema.
+                    schemas[schema.id] = schema, schema.data.decode(errors="replace")
+                elif opcode == Opcode.CHANNEL:
+                    channel = records.Channel.read(_fields(body))
+                    if channel.id not in kept:
+                        topic = _topic(channel, schemas.get(channel.schema_id))
+                        self.topics[offset + channel.id] = topic
+                        kept[channel.id] = topic if keep is None or keep(topic) else None
+                elif opcode == Opcode.HEADER:
+                    self.library = self.library or records.Header.read(_fields(body)).library
+                elif opcode == Opcode.DATA_END:
                     return
                 whole = stream.tell()
+            raise _IncompleteError
         except OSError as error:
             raise RecordingError(f"cannot read {file}: {error.strerror or error}") from None
         except Exception as error:  # for damaged bytes, the library raises what Python raises
-            self.problem = self.problem or _problem(file, whole, stream.tell(), error)
+            self.problem = self.problem or _problem(file, whole, error)
 
 
-def _problem(file: Path, whole: int, at: int, error: Exception) -> str:
+class _IncompleteError(Exception):
+    """The file ends within a record, or before the record that ends the data."""
+
+
+class _Body(io.BytesIO):
+    """The bytes of one record."""
+
+    def read(self, size: int | None = -1) -> bytes:
+        """Return the next bytes. Raises ValueError if there are fewer."""
+        data = super().read(size)
+        if size is not None and len(data) < size:
+            raise ValueError("a field is longer than its record")
+        return data
+
+
+def _fields(body: bytes) -> ReadDataStream:
+    return ReadDataStream(_Body(body))
+
+
+def _records(stream: BinaryIO, end: int) -> Iterator[tuple[int, bytes]]:
+    """Iterate over the opcodes and contents of records, also of those in chunks.
+
+    Raises _IncompleteError if the last record is longer than the bytes up to `end`.
+    """
+    while (at := stream.tell()) < end:
+        if end - at < _HEAD.size:
+            raise _IncompleteError
+        opcode, length = _HEAD.unpack(stream.read(_HEAD.size))
+        if length > _RECORD_LIMIT:
+            raise ValueError(f"a record of {length:,} bytes; expected at most {_RECORD_LIMIT:,}")
+        if at + _HEAD.size + length > end:
+            raise _IncompleteError
+        body = stream.read(length)
+        if opcode == Opcode.CHUNK:
+            yield from _records_of_chunk(records.Chunk.read(_fields(body)))
+        else:
+            yield opcode, body
+
+
+_IN_CHUNKS = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
+
+
+def _records_of_chunk(chunk: records.Chunk) -> Iterator[tuple[int, bytes]]:
+    size = chunk.uncompressed_size
+    if size > _CHUNK_LIMIT:
+        raise ValueError(f"a chunk of {size:,} bytes; expected at most {_CHUNK_LIMIT:,}")
+    # A few bytes can expand to gigabytes: read only as many as the chunk says, and one more.
+    data = _expanded(chunk, size + 1)
+    if len(data) != size:
+        raise ValueError("the contents of a chunk do not have the length that it says")
+    try:
+        for opcode, body in _records(io.BytesIO(data), size):
+            if opcode in _IN_CHUNKS:
+                yield opcode, body
+    except _IncompleteError:
+        raise ValueError("a record is longer than its chunk") from None
+
+
+def _expanded(chunk: records.Chunk, limit: int) -> bytes:
+    """Return the contents of a chunk, but at most `limit` bytes."""
+    if chunk.compression == "zstd":
+        import zstandard
+
+        with zstandard.ZstdDecompressor().stream_reader(chunk.data) as expanding:
+            return expanding.read(limit)
+    if chunk.compression == "lz4":
+        import lz4.frame  # type: ignore[import-untyped]
+
+        data: bytes = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=limit)
+        return data
+    if chunk.compression:
+        raise ValueError(f"its compression {chunk.compression!a} is unknown")
+    return chunk.data
+
+
+def _problem(file: Path, whole: int, error: Exception) -> str:
     size = file.stat().st_size
-    if at >= size and isinstance(error, EndOfFile | struct.error):
+    if isinstance(error, _IncompleteError):
         rest = f", its last {size - whole:,} bytes are an incomplete record" if size > whole else ""
         return (
             f"{file.name} is not finished: its recorder still runs, or was killed{rest};"
             " the messages before that are all there"
         )
-    reason = " ".join(str(error).split())[:120] or type(error).__name__
     return (
-        f"{file.name} is damaged after byte {whole:,} of {size:,} ({reason}); the rest is missing"
+        f"{file.name} is damaged after byte {whole:,} of {size:,} ({one_line(error)});"
+        " the rest is missing"
     )
+
+
+def one_line(error: BaseException) -> str:
+    """Return what an error says about a file as one short line, without control characters."""
+    words = " ".join(str(error).split()) or type(error).__name__
+    clean = "".join(letter if letter.isprintable() else "?" for letter in words)
+    return clean if len(clean) <= _LONGEST_REASON else clean[: _LONGEST_REASON - 1] + "…"
 
 
 def _files(path: Path) -> list[Path]:
@@ -307,6 +405,8 @@ def _files(path: Path) -> list[Path]:
 
 def _check_magic(file: Path) -> None:
     try:
+        if not stat.S_ISREG(file.stat().st_mode):  # a pipe would wait for its writer
+            raise RecordingError(f"cannot read {file}: expected a file, or a folder with files")
         with file.open("rb") as stream:
             found = stream.read(8)
     except OSError as error:
@@ -319,13 +419,13 @@ def _check_magic(file: Path) -> None:
         raise RecordingError(f"{file} is not a recording: expected an MCAP file{hint}")
 
 
-def _topic(channel: records.Channel, schema: records.Schema | None) -> Topic:
+def _topic(channel: records.Channel, schema: tuple[records.Schema, str] | None) -> Topic:
     return Topic(
         channel.topic,
-        schema.name if schema is not None else "",
+        schema[0].name if schema is not None else "",
         channel.message_encoding,
-        schema.encoding if schema is not None else "",
-        schema.data.decode(errors="replace") if schema is not None else "",
+        schema[0].encoding if schema is not None else "",
+        schema[1] if schema is not None else "",
         _qos_from(channel.metadata.get(_QOS, "")),
     )
 
@@ -348,17 +448,19 @@ def _qos_from(text: str) -> QoS:
     """Return the first QoS of a text of rosbag2, with the default for what it does not say."""
     import yaml
 
+    if len(text) > _QOS_LIMIT:
+        return QoS()
     try:
         profiles: Any = yaml.safe_load(text)
         first = profiles[0] if isinstance(profiles, list) and profiles else {}
         depth = first.get("depth", 10)
         reliability, durability = str(first.get("reliability")), str(first.get("durability"))
-    except (yaml.YAMLError, AttributeError):
-        return QoS()
+    except (yaml.YAMLError, AttributeError, ValueError, RecursionError):
+        return QoS()  # ValueError: a date or a number that Python cannot read
     is_best_effort = _RELIABILITY.get(reliability, reliability) == "best_effort"
     is_latched = _DURABILITY.get(durability, durability) == "transient_local"
     return QoS(
-        depth if isinstance(depth, int) and 1 <= depth <= 10_000 else 10,
+        depth if type(depth) is int and 1 <= depth <= 10_000 else 10,
         "best_effort" if is_best_effort else "reliable",
         "transient_local" if is_latched else "volatile",
     )

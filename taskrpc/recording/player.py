@@ -12,7 +12,7 @@ import srvgen
 from taskrpc.errors import TaskRpcError
 from taskrpc.introspection import SUFFIX
 from taskrpc.node import Node
-from taskrpc.recording.mcap_file import CDR, Message, Recording, Topic
+from taskrpc.recording.mcap_file import CDR, Message, Recording, Topic, one_line
 from taskrpc.recording.recorder import message_class
 from taskrpc.recording.schemas import class_from, is_event
 from taskrpc.topic import Publisher
@@ -67,7 +67,8 @@ class Player:
         for message in self._messages():
             if first is None:
                 first = message.time
-            offset = (message.time - first) / 1e9 - settings.start_offset
+            # Times may go back a little: such a message is late, and is played at once.
+            offset = max(0.0, (message.time - first) / 1e9) - settings.start_offset
             if offset < 0:
                 continue
             if settings.duration is not None and offset > settings.duration:
@@ -97,7 +98,7 @@ class Player:
         try:
             action(message.data)
         except (srvgen.CdrError, TaskRpcError) as error:
-            self.skipped.setdefault(message.topic.name, " ".join(str(error).split()))
+            self.skipped.setdefault(message.topic.name, one_line(error))
 
     def _action(self, topic: Topic) -> Callable[[bytes], object] | None:
         if topic not in self._actions:
@@ -110,14 +111,14 @@ class Player:
         try:
             cls = playable_class(topic)
         except (srvgen.DefinitionError, TaskRpcError) as error:
-            self.skipped[topic.name] = " ".join(str(error).split())
+            self.skipped[topic.name] = one_line(error)
             return None
         if self._settings.publish_requests and is_event(topic.type_name):
             return self._caller(topic, cls)
         try:
             publisher = self._node.create_publisher(cls, topic.name, topic.qos)
         except TaskRpcError as error:
-            self.skipped[topic.name] = str(error)
+            self.skipped[topic.name] = one_line(error)
             return None
         return lambda data: self._publish(publisher, cls, data)
 
@@ -148,7 +149,7 @@ class Player:
     def _ended(self, call: asyncio.Future[Any]) -> None:
         self._calls.discard(call)
         if not call.cancelled() and (error := call.exception()) is not None:
-            self.skipped.setdefault("a request", str(error))
+            self.skipped.setdefault("a request", one_line(error))
 
 
 def playable_class(topic: Topic) -> Any:

@@ -12,8 +12,13 @@ from taskrpc.recording.mcap_file import Recording
 from taskrpc.tasks.model import TaskState
 
 _ROBOT = "the robot"  # no node can have this name
-_UNSAFE = {"#": "#35;", ";": "#59;", "<": "#lt;", ">": "#gt;", "\n": " ", "\r": " "}
-"""Characters with a meaning in Mermaid or HTML, and their spelling in a text."""
+_UNSAFE = {"#": "#35;", ";": "#59;", "<": "#lt;", ">": "#gt;", "%": "#37;", "$": "#36;"}
+"""Characters with a meaning in Mermaid or HTML, and their spelling in a text.
+
+`%%{` begins a directive, which changes the whole diagram; `$$` begins a formula.
+"""
+_LONGEST = 200
+"""Characters of one text."""
 
 
 class Arrow(msgspec.Struct, frozen=True):
@@ -131,4 +136,7 @@ def _is_request(arrow: Arrow) -> bool:
 
 
 def _safe(text: str) -> str:
-    return "".join(_UNSAFE.get(letter, letter) for letter in text)
+    if len(text) > _LONGEST:
+        text = text[: _LONGEST - 1] + "…"
+    clean = (letter if letter.isprintable() else " " for letter in text)
+    return "".join(_UNSAFE.get(letter, letter) for letter in clean)

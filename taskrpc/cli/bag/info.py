@@ -12,6 +12,7 @@ import msgspec
 
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound
+from taskrpc.cli.task.view import printable
 from taskrpc.introspection import SUFFIX
 from taskrpc.recording.mcap_file import Recording, Topic
 from taskrpc.recording.schemas import EVENT, is_event
@@ -59,7 +60,7 @@ def info(options: argparse.Namespace) -> Exit:
     recording = Recording(options.file)
     found = contents(recording)
     if options.topic_name:
-        print("\n".join(topic.name for topic, _ in found.topics))
+        print("\n".join(printable(topic.name) for topic, _ in found.topics))
     elif options.json:
         print(json.dumps(_as_json(recording, found)))
     else:
@@ -92,13 +93,13 @@ def _listed(title: str, lines: Sequence[str]) -> Iterator[str]:
 def _topic_line(topic: Topic, count: int) -> str:
     kind = topic.type_name or "(no schema)"
     shown = f"Topic: {topic.name} | Type: {kind} | Count: {count}"
-    return f"{shown} | Serialization Format: {topic.encoding}"
+    return printable(f"{shown} | Serialization Format: {topic.encoding}")
 
 
 def _service_line(topic: Topic, count: int) -> str:
     name, kind = topic.name.removesuffix(SUFFIX), topic.type_name.removesuffix(EVENT)
     shown = f"Service: {name} | Type: {kind} | Event Count: {count}"
-    return f"{shown} | Serialization Format: {topic.encoding}"
+    return printable(f"{shown} | Serialization Format: {topic.encoding}")
 
 
 def _size(number: float) -> str:

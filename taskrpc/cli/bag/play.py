@@ -9,6 +9,7 @@ import sys
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound
 from taskrpc.cli.shared.remote import remote_of
+from taskrpc.cli.task.view import printable
 from taskrpc.recording.mcap_file import Recording
 from taskrpc.recording.player import Player, PlaySettings
 
@@ -50,7 +51,7 @@ async def _play(options: argparse.Namespace, recording: Recording) -> None:
                 break
         await asyncio.sleep(_LAST)
     for topic, reason in player.skipped.items():
-        print(f"WARNING: {topic} was not played: {reason}", file=sys.stderr)
+        print(f"WARNING: {printable(topic)} was not played: {reason}", file=sys.stderr)
     if recording.problem:
         print(f"WARNING: {recording.problem}", file=sys.stderr)
     if not player.published:

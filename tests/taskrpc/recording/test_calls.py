@@ -8,7 +8,7 @@ import pytest
 import srvgen
 from srvgen.classes.loader import search
 from taskrpc.introspection import service_event
-from taskrpc.recording.calls import CallReader, calls_of, is_about_calls
+from taskrpc.recording.calls import CALLS_TOPIC, CallReader, calls_of, is_about_calls
 from taskrpc.recording.mcap_file import Recording, RecordingWriter
 from taskrpc.recording.schemas import schema_text
 
@@ -75,3 +75,11 @@ async def test_reader_without_texts_finds_the_same_calls(recorded_run):
     assert any(call.request for call in found[True])
     plain = [msgspec.structs.replace(call, request="", response="") for call in found[True]]
     assert found[False] == plain
+
+
+@pytest.mark.parametrize("data", [b"{", b"\xff", b"[" * 100_000, b'{"number": 2}'])
+def test_damaged_line_about_a_call_is_left_out(tmp_path, data):
+    writer = RecordingWriter(tmp_path / "a.mcap")
+    writer.write(writer.add_json_topic(CALLS_TOPIC), data, 1)
+    writer.close()
+    assert calls_of(Recording(writer.path)) == []

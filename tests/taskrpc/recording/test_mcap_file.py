@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import errno
 import os
+import tracemalloc
 
+import lz4.frame
 import pytest
+import zstandard
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap import records
+from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
+from mcap.writer import MCAP0_MAGIC
 
 from taskrpc.qos import QoS
-from taskrpc.recording.mcap_file import Recording, RecordingError, RecordingWriter
+from taskrpc.recording.mcap_file import Recording, RecordingError, RecordingWriter, one_line
 
 SECOND = 10**9
 
@@ -156,3 +162,133 @@ def test_full_disk_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(os, "write", full)
     with pytest.raises(RecordingError, match=r"cannot write .*a\.mcap: No space left"):
         writer.write(1, b"x", 1)
+
+
+# Files of other programs, and crafted ones
+
+
+def record(written):
+    builder = RecordBuilder()
+    written.write(builder)
+    return builder.end()
+
+
+SCHEMA = records.Schema(1, b"string data\n", "ros2msg", "std_msgs/msg/String")
+MESSAGE = record(records.Message(1, SECOND, b"\0\1\0\0a", SECOND, 0))
+
+
+def foreign(path, *parts, topic="/text", metadata=None, schema=SCHEMA):
+    """Write a file of another program: a topic, then these parts."""
+    channel = records.Channel(1, topic, "cdr", metadata or {}, schema.id)
+    head = [records.Header("ros2", "another"), schema, channel]
+    end = [records.DataEnd(0), records.Footer(0, 0, 0)]
+    known, rest = b"".join(map(record, head)), b"".join(map(record, end))
+    path.write_bytes(MCAP0_MAGIC + known + b"".join(parts) + rest + MCAP0_MAGIC)
+    return path
+
+
+def chunk(compression, contents, size=None):
+    packed = {"zstd": zstandard.compress, "lz4": lz4.frame.compress, "": bytes}
+    data = packed[compression](contents)
+    size = len(contents) if size is None else size
+    return record(records.Chunk(compression, data, 0, 0, 0, size))
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4", ""])
+def test_messages_in_chunks_are_read(tmp_path, compression):
+    unknown = b"\x80" + (3).to_bytes(8, "little") + b"abc"
+    contents = MESSAGE + unknown + MESSAGE
+    messages, recording = read(foreign(tmp_path / "a.mcap", chunk(compression, contents), MESSAGE))
+    assert (messages, recording.problem) == ([("/text", SECOND, b"\0\1\0\0a")] * 3, "")
+
+
+@pytest.mark.parametrize("compression", ["zstd", "lz4"])
+@pytest.mark.parametrize(
+    ("size", "problem"),
+    [
+        (100, "the contents of a chunk do not have the length that it says"),
+        (2**62, "a chunk of 4,611,686,018,427,387,904 bytes; expected at most 268,435,456"),
+    ],
+)
+def test_chunk_that_expands_to_more_than_it_says_takes_no_memory(
+    tmp_path, compression, size, problem
+):
+    bomb = chunk(compression, bytes(2**26), size)
+    path = foreign(tmp_path / "a.mcap", MESSAGE, bomb, MESSAGE)
+    tracemalloc.start()
+    try:
+        messages, recording = read(path)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert len(messages) == 1
+    assert problem in recording.problem
+    assert most < 2**23
+
+
+def test_small_records_of_a_chunk_are_not_all_in_memory_at_once(tmp_path):
+    path = foreign(tmp_path / "a.mcap", chunk("zstd", record(SCHEMA) * 10_000))
+    tracemalloc.start()
+    try:
+        read(path)
+        _, most = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most < 2**21
+
+
+@pytest.mark.parametrize(
+    ("contents", "problem"),
+    [
+        (b"\5" + (2**63).to_bytes(8, "little"), "a record of 9,223,372,036,854,775,808 bytes"),
+        (b"\5" + (3).to_bytes(8, "little") + b"abc", "requires a buffer of at least 22 bytes"),
+        (b"\3" + (8).to_bytes(8, "little") + b"\1\0abcdef", "a field is longer than its record"),
+        (chunk("", MESSAGE[:-1]), "a record is longer than its chunk"),
+        (record(records.Chunk("br\x1b", b"abc", 0, 0, 0, 3)), r"compression 'br\x1b' is unknown"),
+    ],
+)
+def test_impossible_length_is_damage_and_the_messages_before_it_are_read(
+    tmp_path, contents, problem
+):
+    messages, recording = read(foreign(tmp_path / "a.mcap", MESSAGE, contents, MESSAGE))
+    assert len(messages) == 1
+    assert recording.problem.startswith("a.mcap is damaged after byte ")
+    assert problem in recording.problem
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["- depth: true", "- depth: 2024-99-99", "- depth: " + "9" * 5000, "[" * 3_000, "- [1]"],
+)
+def test_unreadable_qos_is_the_default_and_loses_no_message(tmp_path, text):
+    path = foreign(tmp_path / "a.mcap", MESSAGE, metadata={"offered_qos_profiles": text})
+    messages, recording = read(path)
+    assert (len(messages), recording.problem) == (1, "")
+    assert recording.topics[1].qos == QoS()
+
+
+def test_very_long_qos_is_not_parsed(tmp_path):
+    text = "- depth: 3\n" + "#" * 20_000
+    path = foreign(tmp_path / "a.mcap", MESSAGE, metadata={"offered_qos_profiles": text})
+    assert read(path)[1].topics[1].qos == QoS()
+
+
+def test_topics_of_one_type_share_the_text_of_its_schema(tmp_path):
+    second = record(records.Channel(2, "/other", "cdr", {}, 1))
+    _, recording = read(foreign(tmp_path / "a.mcap", second))
+    assert recording.topics[1].schema is recording.topics[2].schema
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="named pipes are POSIX's")
+def test_named_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "a.mcap")
+    for path in (tmp_path / "a.mcap", tmp_path):
+        with pytest.raises(RecordingError, match=r"a\.mcap: expected a file, or a folder"):
+            Recording(path)
+
+
+def test_text_of_an_error_is_one_short_line():
+    assert (
+        one_line(ValueError("a\n  b\x1b[31m\u202e" + "x" * 1000)) == "a b?[31m?" + "x" * 230 + "…"
+    )
+    assert one_line(MemoryError()) == "MemoryError"

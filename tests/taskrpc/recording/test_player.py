@@ -133,3 +133,13 @@ async def test_topic_that_cannot_be_played_is_left_out_with_its_reason(node, tmp
     await player.play()
     assert set(player.skipped) == {"/odd", "/cut"}
     assert player.published == 0
+
+
+async def test_message_that_is_older_than_the_first_one_is_played_too(node, listener, tmp_path):
+    writer = RecordingWriter(tmp_path / "a.mcap")
+    topic = writer.add_topic("/a", String._TYPE, schema_text(String._TYPE, search()))
+    for time in (1000 * SECOND, 999 * SECOND, 1001 * SECOND):
+        writer.write(topic, srvgen.to_cdr(String(data=f"{time // SECOND}")), time)
+    writer.close()
+    found, _ = await heard(node, listener, Recording(writer.path))
+    assert found == [(0, "1000"), (0, "999"), (1, "1001")]

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 
+import msgspec
 import pytest
 
+from taskrpc.recording.calls import CALLS_TOPIC, CallEnd
 from taskrpc.recording.mcap_file import Recording, RecordingWriter
 from taskrpc.recording.sequence import diagram
 from tests.taskrpc.recording.conftest import Run
@@ -48,6 +50,24 @@ async def test_text_of_a_client_cannot_change_the_diagram(tmp_path):
         await run.submit("move", "a; b\nparticipant <b>#quot;", 5)
     text = diagram(Recording(tmp_path / "a.mcap"))
     assert "target=a#59; b participant #lt;b#gt;#35;quot#59;" in text
+
+
+def test_names_from_a_crafted_file_stay_texts(tmp_path):
+    writer = RecordingWriter(tmp_path / "a.mcap")
+    topic = writer.add_json_topic(CALLS_TOPIC)
+    name = "a%%{init: {'theme': 'forest'}}%%$$x$$\x1b[31m\u2028\u202e" + "z" * 1000
+    call = CallEnd(number=1, service="/s\nb->>c: x", client=name, began=1.0, ms=2.0, code="<b>")
+    writer.write(topic, msgspec.json.encode(call), 10**9)
+    writer.close()
+    lines = diagram(Recording(writer.path)).splitlines()
+    client = "a#37;#37;{init: {'theme': 'forest'}}#37;#37;#36;#36;x#36;#36; [31m  "
+    assert lines[1].startswith(f"    participant p1 as {client}zzz")
+    assert len(lines[1]) < 300
+    assert lines[2] == "    participant p2 as /s b-#gt;#gt;c: x"
+    assert lines[3:] == [
+        "    p1->>p2: 0.000 s  request",
+        "    p2--xp1: 0.002 s  #lt;b#gt; (2 ms)",
+    ]
 
 
 async def test_error_is_drawn_with_a_cross(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+from taskrpc.recording.mcap_file import RecordingWriter
 from tests.taskrpc.cli.bag.conftest import cut
 
 
@@ -59,3 +60,13 @@ def test_sequence_without_calls_is_a_mistake(bag, recording):
     code, out, err = bag("sequence", recording, "--services", "/other")
     assert (code, out) == (1, "")
     assert err == f"{recording}: no call was recorded\n"
+
+
+def test_names_from_a_file_cannot_control_the_terminal(bag, tmp_path):
+    writer = RecordingWriter(tmp_path / "a.mcap")
+    writer.add_topic("/a\x1b[31m\nb", "std_msgs/msg/\x9bString", "string data\n")
+    writer.write(writer.add_topic("/c\x07", "x/msg/Y", ""), b"", 1)
+    writer.close()
+    assert "Topic: /a?[31m?b | Type: std_msgs/msg/?String | Count: 0" in bag("info", writer.path)[1]
+    assert bag("info", writer.path, "-t")[1] == "/a?[31m?b\n/c?\n"
+    assert bag("play", writer.path, "-d", "0")[2].startswith("WARNING: /c? was not played: ")
