@@ -29,7 +29,8 @@ from tests.docs.stage import Stage
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 REFERENCE = ROOT / "docs" / "reference"
-KINDS = {"python", "pycon", "console", "srv", "msg", "yaml", "text"}
+KINDS = {"python", "pycon", "console", "srv", "msg", "yaml", "text", "html", "javascript"}
+"""`tests/browser` runs `html`, `tests/interop` runs `javascript`."""
 
 NOT_RUN = {
     "README.md": 2,
@@ -41,7 +42,7 @@ NOT_RUN = {
     "docs/how-to/run-ros-programs.md": 1,
     "docs/how-to/paste-ros2-lines.md": 2,
     "docs/how-to/take-a-program-to-a-robot.md": 1,
-    "docs/how-to/use-rosbridge.md": 2,
+    "docs/how-to/use-rosbridge.md": 3,
 }
 """Blocks that a test cannot run (virtual environments, other machines), counted for each page."""
 

@@ -6,12 +6,17 @@ import contextlib
 import functools
 import http.server
 import threading
+from pathlib import Path
 
 import pytest
 
 import srvgen
 from taskrpc import sync
+from tests.docs.markdown import read_page
 from tests.javascript.packages import node_modules
+
+_GUIDE = Path(__file__).parents[2] / "docs" / "how-to" / "use-rosbridge.md"
+_CDN = "https://cdn.jsdelivr.net/npm/roslib@1"
 
 # The old version is one script; the new one consists of modules with names as in Node.
 _OLD = """<!doctype html><title>roslib 1</title><link rel="icon" href="data:,">
@@ -40,9 +45,20 @@ globalThis.topic = (name, type) => new lib.Topic({ros, name, messageType: type})
 """
 
 
+def _page_of_the_guide(place):
+    """The page that the guide shows, with roslib from this server, for a gateway at `place`."""
+    blocks = read_page(_GUIDE).blocks
+    text = next(block.text for block in blocks if block.file == "page.html")
+    assert _CDN in text
+    text = text.replace("<title>", '<link rel="icon" href="data:,"><title>')
+    return text.replace(_CDN, "/roslib-1").replace("127.0.0.1:9090", place)
+
+
 class _Handler(http.server.SimpleHTTPRequestHandler):
     def do_GET(self):
         page = {"/1": _OLD, "/2": _NEW}.get(self.path)
+        if self.path.startswith("/guide/"):
+            page = _page_of_the_guide(self.path.removeprefix("/guide/"))
         if page is None:
             super().do_GET()
             return
@@ -165,3 +181,22 @@ def test_page_from_elsewhere_cannot_connect(start_server, tabs):
             " socket.onopen = done; socket.onerror = () => failed('refused'); })",
             server.url.replace("http", "ws"),
         )
+
+
+def test_page_of_the_guide_submits_and_shows_messages_and_errors(other_server, start_server, tabs):
+    server = start_server("--speed", "100")
+    tab = tabs.open(f"{other_server}/guide/{server.url.split('/')[2]}")
+
+    def logged(text):
+        tab.wait(lambda: text in tab.run("return document.querySelector('#log').textContent"), text)
+
+    logged("connected")
+    tab.run("document.querySelector('#submit').click()")
+    logged("Task queued: move")
+    tab.run("document.querySelector('#send').click()")
+    logged("chat: hello")
+    tab.wait(
+        lambda: ", " in tab.run("return document.querySelector('#pose').textContent"), "a position"
+    )
+    tab.run("chat.publish(new ROSLIB.Message({dta: 'hello'}))")
+    logged("publish: dta: unknown field 'dta'; String has data")

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from tests.docs.markdown import read_page
 from tests.javascript.packages import node_for, node_modules
 
 FOLDER = Path(__file__).parent
+GUIDE = Path(__file__).parents[2] / "docs" / "how-to" / "use-rosbridge.md"
 LIMIT = 120.0
 """Seconds that a client may take; most of them are its imports."""
 TALKER = """\
@@ -54,7 +57,10 @@ def started(command, ready):
 
 @pytest.fixture(scope="module")
 def ports(tmp_path_factory):
-    """The ports of both gateways, beside a task server and a ROS program with a parameter."""
+    """The ports of both gateways, beside a task server and a ROS program with a parameter.
+
+    `runtime` is the folder in which their programs find each other.
+    """
     folder = tmp_path_factory.mktemp("rosbridge")
     (folder / "talker.py").write_text(TALKER, encoding="utf-8")
     processes = []
@@ -73,7 +79,11 @@ def ports(tmp_path_factory):
             processes.append(process)
             talker, _ = started(["taskrpc", "run", str(folder / "talker.py")], "talker is ready")
             processes.append(talker)
-            yield {"server": url.rpartition(":")[2], "bridge": place.rpartition(":")[2]}
+            yield {
+                "server": url.rpartition(":")[2],
+                "bridge": place.rpartition(":")[2],
+                "runtime": str(folder / "runtime"),
+            }
         finally:
             for process in processes:
                 process.terminate()
@@ -128,6 +138,26 @@ def test_roslib_in_node(ports, package, gateway):
     assert found["chatter"] == ["one", "two", "Zürich ☃"]
     assert found["pose"]["header"]["frame_id"] == "map"
     assert found["parameter"] == 2
+
+
+def test_script_of_the_guide_gives_the_output_that_the_guide_shows(ports, tmp_path):
+    node = node_for("roslib")
+    os.symlink(node_modules(), tmp_path / "node_modules")
+    blocks = {block.file or block.text.split()[1]: block for block in read_page(GUIDE).blocks}
+    script = tmp_path / "robot.mjs"
+    script.write_text(blocks["robot.mjs"].text, encoding="utf-8")
+    shown = blocks["node"].text.splitlines()[1:]
+    command = [node, str(script), f"ws://127.0.0.1:{ports['bridge']}"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert [process.stdout.readline().rstrip() for _ in shown] == shown
+            call = [sys.executable, "-m", "taskrpc.cli.call", "/add_in_js", "a=2", "b=3"]
+            place = {**os.environ, "XDG_RUNTIME_DIR": ports["runtime"]}
+            done = subprocess.run(call, capture_output=True, text=True, timeout=LIMIT, env=place)
+            assert "sum=5" in done.stdout, done.stderr
+        finally:
+            process.kill()
 
 
 @pytest.mark.parametrize("transport", ["twisted", "asyncio"])
