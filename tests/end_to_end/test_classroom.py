@@ -86,8 +86,8 @@ def laptop(tmp_path):
     return Machine(tmp_path / "laptop")
 
 
-def submit(laptop, **options):
-    argv = "task_type=move", "target=station_1", "priority=5", "--timeout", "2"
+def submit(laptop, timeout=PATIENCE, **options):
+    argv = "task_type=move", "target=station_1", "priority=5", "--timeout", str(timeout)
     return laptop.run("taskrpc-call", "/robot_task", *argv, "--json", **options)
 
 
@@ -131,7 +131,7 @@ def test_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
     assert "the account may be revoked or" in laptop.run("taskrpc", "doctor", code=1)
 
     laptop.run("taskrpc", "join", "--leave")
-    assert "no server offers" in submit(laptop, code=4)
+    assert "no server offers" in submit(laptop, timeout=0.5, code=4)
 
 
 def test_mistyped_invitation_is_refused_and_changes_nothing(strings, laptop):
