@@ -157,7 +157,7 @@ class History:
         self._hidden = hidden
         self._programs: dict[_Key, _Program] = {}
         self._called: set[str] = set()
-        """Services that were called while `top` watches; they stand first."""
+        """Services that were called while `top` watches; they and their nodes stand first."""
 
     def add(self, programs: Sequence[ProgramStatistics]) -> None:
         """Add a reading of all programs."""
@@ -180,7 +180,7 @@ class History:
         return tuple(sorted(rows, key=lambda row: (row.name not in self._called, row.name)))
 
     def nodes(self) -> tuple[NodeRow, ...]:
-        """Return the nodes: those of programs with a problem first, then by name.
+        """Return the nodes: those of programs with a problem, those with called services, others.
 
         A program with a problem has at least one row.
         """
@@ -190,7 +190,17 @@ class History:
         known = callers if self._seconds > 0 else None
         rows = [row for program in self._programs.values() for row in program.nodes(known)]
         shown = (row for row in rows if self._hidden or not names.is_hidden(row.name))
-        return tuple(sorted(shown, key=lambda row: (not row.problem, row.name, row.pid)))
+        called = {
+            (program.latest.entry.pid, service.node)
+            for program in self._programs.values()
+            for service in program.latest.entry.services
+            if service.name in self._called
+        }
+
+        def order(row: NodeRow) -> tuple[bool, bool, str, int]:
+            return not row.problem, (row.pid, row.name) not in called, row.name, row.pid
+
+        return tuple(sorted(shown, key=order))
 
     def view(
         self,

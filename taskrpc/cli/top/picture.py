@@ -231,8 +231,10 @@ class _Painter:
             parts.append(Span(text, Role.WARNING))
         parts.append(Span(f"{view.open} open", Role.DIM))
         parts.append(Span(_plural(view.programs, "program"), Role.DIM))
-        window = f"last {view.seconds:.0f} s" if view.seconds >= 0.5 else "measuring"
-        parts.append(Span(window, Role.DIM))
+        if view.seconds > 0:
+            parts.append(Span(f"last {view.seconds:.{int(view.seconds < 0.95)}f} s", Role.DIM))
+        elif view.services:
+            parts.append(Span("measuring", Role.DIM))
         line: list[Span] = []
         for part in parts:
             gap = 3 if line else 0

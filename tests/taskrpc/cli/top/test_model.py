@@ -122,6 +122,18 @@ def test_a_program_that_never_answered_has_a_row():
     assert (row.name, row.problem) == ("10.0.0.1:7450", "Connection refused")
 
 
+def test_nodes_whose_services_were_called_stand_before_other_nodes():
+    server = entry(1, nodes=("/task_server",))
+    clients = entry(2, nodes=("/ada", "/bob"), services=(), address="")
+    other = ProgramStatistics(clients, None)
+    view = view_after(*([reading(second, calls, of=server), other] for second, calls in CALLED))
+    assert [row.name for row in view.nodes] == ["/task_server", "/ada", "/bob"]
+
+
+CALLED = [(0, 0), (1, 5), *((second, 5) for second in range(2, 20))]
+"""Seconds and calls: five calls, which are older than the window at the end."""
+
+
 def test_nodes_with_a_problem_stand_first():
     silent = ProgramStatistics(entry(2, nodes=("/z",), address="b:2"), None, "silent")
     assert [row.name for row in view_after([reading(0), silent]).nodes] == ["/z", "/server"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -181,6 +182,20 @@ def test_errors_and_problems_have_a_sign_beside_their_colour():
                 assert UNICODE.error in span.text
             if span.role is Role.WARNING:
                 assert UNICODE.warning in span.text
+
+
+@pytest.mark.parametrize(
+    ("seconds", "services", "shown"),
+    [
+        (0.3, BUSY.services, "  last 0.3 s"),
+        (4.98, BUSY.services, "  last 5 s"),
+        (0.0, BUSY.services, "  measuring"),
+        (0.0, (), " 3 programs"),
+    ],
+)
+def test_totals_say_of_which_time_they_are(seconds, services, shown):
+    view = msgspec.structs.replace(BUSY, seconds=seconds, services=services)
+    assert text(view, 100, 24)[1].endswith(shown)
 
 
 def test_errors_before_the_window_are_not_red():
