@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import gc
 import os
 import shutil
@@ -128,7 +129,10 @@ def _no_bytecode_of_temporary_programs(tmp_path_factory):
     yield
     if bytecode := os.environ.get("PYTHONPYCACHEPREFIX"):
         base = tmp_path_factory.getbasetemp()
-        shutil.rmtree(Path(bytecode) / base.relative_to(base.anchor), ignore_errors=True)
+        folder = Path(bytecode) / base.relative_to(base.anchor)
+        shutil.rmtree(folder, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            folder.parent.rmdir()  # the last process of a session can
 
 
 @pytest.fixture(scope="session")
