@@ -176,8 +176,8 @@ def signalled_elsewhere(number):
 @not_on_windows
 def test_ctrl_c_that_comes_just_before_a_wait_ends_it(up):
     signalled_elsewhere(signal.SIGINT)
-    with within_seconds(5), pytest.raises(KeyboardInterrupt):
-        time.sleep(10)
+    with within_seconds(60), pytest.raises(KeyboardInterrupt):
+        time.sleep(120)
 
 
 @pytest.mark.real_time
@@ -189,8 +189,8 @@ def test_ctrl_c_that_comes_just_before_a_wait_ends_it(up):
 def test_a_signal_that_comes_just_before_an_executor_waits_ends_the_spinning(up, number, error):
     executor = SingleThreadedExecutor()
     signalled_elsewhere(number)
-    with within_seconds(5), pytest.raises(error):
-        executor.spin_once(timeout_sec=10)
+    with within_seconds(60), pytest.raises(error):
+        executor.spin_once(timeout_sec=120)
     assert not rclpy.ok()
 
 
