@@ -36,7 +36,7 @@ _GROUPS = {
         "interface": "Show the definitions of messages and services",
         "node": "List nodes and what they offer",
         "task": "Submit tasks to the robot and watch them",
-        "view": "Open the live page of the task server in the browser",
+        "view": "Open the live page of the task server, or a recording, in the browser",
         "bag": "Record topics and calls, and play them again",
         "run": "Run a ROS 2 program without ROS",
         "bridge": "Connect browsers and other programs without taskrpc",

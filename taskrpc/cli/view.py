@@ -1,4 +1,4 @@
-"""`taskrpc view`: opens the live page of the task server in the browser, or prints its links."""
+"""`taskrpc view`: opens the live page of the task server, or of a recording, in the browser."""
 
 from __future__ import annotations
 
@@ -35,10 +35,12 @@ _END_TIMEOUT = 5.0  # seconds that the server gets to end
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `view`."""
     parser.epilog = (
-        "Without a running server, it starts taskrpc-server --web and ends it at Ctrl-C."
+        "Without FILE and a running server, it starts taskrpc-server --web and ends it at Ctrl-C."
         " The link for control is a secret: who has it, may control the robot."
     )
     add = parser.add_argument
+    what = "A recording to show: a .mcap file, or the folder of a bag of rosbag2"
+    add("file", metavar="FILE", nargs="?", help=what)
     add("--no-browser", action="store_true", help="Print the links instead of opening a browser")
     what = "Open the page for a projector: large letters, and no buttons"
     add("--projector", action="store_true", help=what)
@@ -46,6 +48,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
+    if options.file is not None:
+        from taskrpc.cli.view_recording import view  # needs two extras
+
+        return view(options)
     if links := noted_links():
         _show(links[0], options)
         return Exit.DONE

@@ -124,6 +124,11 @@ class TaskEvents:
         if when <= time:
             yield self._event(when)
 
+    def finish(self, time: float) -> Iterator[TimedEvent]:
+        """Yield the event of the last changes, at the end of the recording."""
+        if self._changed_at is not None:
+            yield self._event(time)
+
     def _changed(self, time: float) -> None:
         if self._changed_at is None:
             self._changed_at = time

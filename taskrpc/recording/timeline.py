@@ -174,7 +174,8 @@ class _States:
         self.decisions = 0
         """How many decisions there are."""
         self.problem = ""
-        self._time, span = overview.begin, overview.end - overview.begin
+        self._time, self._end = overview.begin, overview.end
+        span = self._end - self._time
         self._pose_topic = f"{overview.run.service}/pose" if overview.run else ""
         self._clock = RobotClock()
         self._tasks = TaskEvents(self._clock, span)
@@ -194,7 +195,7 @@ class _States:
             except (RecordingError, srvgen.CdrError) as error:
                 what = f"decision {self.decisions} and those after it"
                 self.problem = self.problem or f"{what} cannot be shown: {error}"
-        yield from self._tasks.due(math.inf)
+        yield from self._tasks.finish(self._end)
 
     def _take(self, time: float, decision: Decision) -> Iterator[TimedEvent]:
         match decision:

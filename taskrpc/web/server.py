@@ -7,7 +7,7 @@ import contextlib
 import logging
 import socket
 import ssl
-from collections.abc import Awaitable, Callable, Iterable, Mapping
+from collections.abc import Awaitable, Callable, Iterable, Iterator, Mapping
 from typing import Any, Protocol, Self, TypeAlias, cast
 
 import msgspec
@@ -32,6 +32,8 @@ log = logging.getLogger("taskrpc.web")
 
 REQUEST_TIMEOUT = 10.0
 """Seconds for one request and its response; then the connection is closed."""
+RECORDING_TIMEOUT = 120.0
+"""The same for a recording, which a slow computer reads event by event."""
 _END_GRACE = 0.1
 """Seconds for requests in progress when the server ends. aiohttp takes 0 for no limit."""
 
@@ -66,6 +68,16 @@ class Events(Protocol):
         """Return one task as JSON, None if there is none."""
 
 
+class RecordedEvents(Protocol):
+    """The events of a recording; see `taskrpc.recording.timeline.Timeline`."""
+
+    def lines(self) -> Iterator[bytes]:
+        """Iterate over parts of a text with an event as JSON on each line."""
+
+    def gzipped(self) -> Iterator[bytes]:
+        """Iterate over the same text as parts of one gzip stream."""
+
+
 class LivePage(msgspec.Struct, frozen=True, eq=False):
     """The parts of the live page."""
 
@@ -77,8 +89,10 @@ class LivePage(msgspec.Struct, frozen=True, eq=False):
     """The open pages."""
     events: Events
     """What they show."""
-    control: Control
-    """Their buttons."""
+    control: Control | None = None
+    """Their buttons; None for a page that only shows."""
+    recording: RecordedEvents | None = None
+    """What `/recording` has; None for the page of a running server."""
 
 
 class WebServer:
@@ -161,7 +175,8 @@ class WebServer:
             if self._live is not None:
                 self._live.stream.close("the server is ending")
                 await asyncio.sleep(0)  # the streams end before their connections
-                await self._live.control.close()
+                if self._live.control is not None:
+                    await self._live.control.close()
             await self._server.shutdown(_END_GRACE)
 
     def _tls_context(self) -> ssl.SSLContext | None:
@@ -194,6 +209,8 @@ class WebServer:
             return response
         if path == "/live" and self._live is not None:
             return await self._stream(request, connection, self._live, head)
+        if path == "/recording" and self._live is not None and self._live.recording is not None:
+            return await _recording(request, connection, self._live.recording)
         try:
             with self._places.kept(connection, asyncio.get_running_loop().time()):
                 page = await self._page(request, head)
@@ -218,14 +235,14 @@ class WebServer:
         if live is not None:
             if file := live.files.get(path):
                 return file
-            if path.startswith("/control/"):
-                return await self._controlled(request, head, live)
+            if path.startswith("/control/") and live.control is not None:
+                return await self._controlled(request, head, live.control)
             if path.startswith("/task/"):
                 return _task(live, path.removeprefix("/task/"))
         known = ("/", "/live", *self._pages) if live is not None else self._pages
         return Page(f"no such page; there are {', '.join(known)}\n", status=404)
 
-    async def _controlled(self, request: web.BaseRequest, head: Head, live: LivePage) -> Page:
+    async def _controlled(self, request: web.BaseRequest, head: Head, control: Control) -> Page:
         holder = self._guard.holder(head)
         assert holder is not None, "the guard has checked the token"
         body = b""
@@ -235,7 +252,7 @@ class WebServer:
         except (web.RequestPayloadError, ValueError) as error:
             return _problem("RequestError", f"the body cannot be read: {error}"[:200], 400)
         verb = request.path.removeprefix("/control/")
-        return await live.control.answer(verb, request.content_type, body, holder)
+        return await control.answer(verb, request.content_type, body, holder)
 
     async def _stream(
         self, request: web.BaseRequest, connection: _Connection, live: LivePage, head: Head
@@ -267,6 +284,29 @@ class WebServer:
         finally:
             tab.close()
         return response
+
+
+async def _recording(
+    request: web.BaseRequest, connection: _Connection, recorded: RecordedEvents
+) -> web.StreamResponse:
+    """Send the events of a recording part by part, compressed if the browser accepts it."""
+    is_gzip = "gzip" in request.headers.get("Accept-Encoding", "")
+    response = web.StreamResponse(headers={**_HEADERS, "Vary": "Accept-Encoding"})
+    response.content_type = "application/x-ndjson"
+    if is_gzip:
+        response.headers["Content-Encoding"] = "gzip"
+    response.force_close()
+    connection.keep()
+    try:
+        async with asyncio.timeout(RECORDING_TIMEOUT):
+            await response.prepare(request)
+            if request.method != "HEAD":
+                for part in recorded.gzipped() if is_gzip else recorded.lines():
+                    await response.write(part)
+    except (ConnectionError, TimeoutError):
+        log.debug("the recording was not read to its end by %s", request.remote)
+        connection.abort()
+    return response
 
 
 async def _shown(path: str, show: Callable[[], Awaitable[Page]]) -> Page:

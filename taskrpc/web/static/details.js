@@ -54,6 +54,11 @@ export class Details {
     if (known) this.show(known, null);
     else this.dialog.replaceChildren(element("p", {}, `task ${id}`));
     if (!this.dialog.open) this.dialog.showModal();
+    if (this.model.hello.recording) {
+      const result = known?.ended && this.model.results.get(id);
+      if (result) this.show({ ...known, ...result }, true);
+      return;
+    }
     try {
       const response = await fetch(`/task/${id}`, { headers: authorization(this.token) });
       if (response.ok && this.dialog.open) this.show(await response.json(), true);

@@ -54,6 +54,7 @@ export class Model {
     this.trail = [];
     this.path = { task_id: null, points: [] };
     this.scan = null;
+    this.results = new Map(); // of ended tasks in a recording, by their ids
     this.calls = new Map(); // id -> call, oldest first
     this.new_calls = []; // calls of the events since the last frame
     this.skipped = 0; // calls that the server did not send
@@ -131,6 +132,10 @@ export class Model {
 
   apply_scan(data) {
     this.scan = data;
+  }
+
+  apply_task(data) {
+    this.results.set(data.task_id, data);
   }
 
   apply_calls(data, t) {

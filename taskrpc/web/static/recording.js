@@ -5,7 +5,7 @@ import { byId, element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import { duration, timeOfDay } from "./words.js";
 
 const SPEEDS = [0.1, 0.5, 1, 2, 5, 20];
-const BACK = { robot: 40, calls: 12 }; // seconds of earlier events that a jump applies, for the trail and the lanes
+const BACK = { robot: 40, calls: 12, task: Infinity }; // seconds of earlier events that a jump applies, for the trail, the lanes and the results
 
 /** Yields the lines of a response. */
 async function* lines(body) {
@@ -60,7 +60,9 @@ export class Recording {
 
   /** Read all events, then show the beginning. */
   async load() {
-    const { recording } = this.model.hello;
+    const { recording, server } = this.model.hello;
+    // Without a task server there are only calls.
+    if (!server.service) Object.assign(document.documentElement.dataset, { calls_only: "", part: "calls" });
     const response = await fetch("/recording", { headers: authorization(this.token) });
     if (!response.ok) throw new Error(`the recording cannot be read: status ${response.status}`);
     for await (const line of lines(response.body)) {
@@ -87,7 +89,7 @@ export class Recording {
     speeds.addEventListener("change", () => (this.speed = Number(speeds.value)));
     this.marks = element("div", { class: "marks", "aria-hidden": "true" });
     this.drawMarks();
-    this.root.append(element("span", { class: "recording_name" }, name), button("step_back", "back", "One event back", () => this.step(-1)), this.play, button("step_forward", "step", "One event forward", () => this.step(1)), element("div", { class: "range" }, this.range, this.marks), this.time, speeds);
+    this.root.append(element("span", { class: "recording_name minor", title: name }, name), button("step_back", "back", "One event back", () => this.step(-1)), this.play, button("step_forward", "step", "One event forward", () => this.step(1)), element("div", { class: "range" }, this.range, this.marks), this.time, speeds);
     this.root.hidden = false;
   }
 

@@ -31,9 +31,9 @@ export class StatusView {
 
   update(changed) {
     if (changed.has("hello")) {
-      const { server } = this.model.hello;
-      setText(byId("service"), `${server.service} at ${server.address}${server.speed === 1 ? "" : ` · ${server.speed} × speed`}`);
-      document.title = `${server.service} · taskrpc`;
+      const { server, recording } = this.model.hello;
+      setText(byId("service"), server.service && `${server.service} at ${server.address}${server.speed === 1 ? "" : ` · ${server.speed} × speed`}`);
+      document.title = `${recording?.name ?? server.service} · taskrpc`;
     }
     if (changed.has("connection") || changed.has("hello")) this.showConnection();
     if (changed.has("calls") || changed.has("connection")) this.showStats();
@@ -60,6 +60,7 @@ export class StatusView {
     let banner = "";
     if (state === "lost" && (seconds > 0.4 || !this.model.hello)) banner = `Connection lost since ${timeOfDay(since)} (${duration(Math.floor(seconds))}): ${text}. What you see is from then. The page reconnects by itself.`;
     if (state === "refused") banner = text;
+    if (state === "recording") banner = this.model.hello.recording.problem;
     if (state === "asleep") banner = `This page sleeps since ${timeOfDay(since)}, because its tab was hidden.`;
     setText(this.banner, banner);
     this.banner.hidden = !banner;

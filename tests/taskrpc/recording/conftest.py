@@ -13,6 +13,7 @@ import taskrpc
 from taskrpc.recording.run_recorder import RunRecorder
 from taskrpc.robot import KinematicRobot, default_world
 from taskrpc.tasks import MemoryStore, TaskServer
+from taskrpc.testing.clock import VirtualTimeLoop
 
 START = 1_700_000_000
 """The time of day at which the run begins, in seconds since 1970."""
@@ -75,15 +76,21 @@ class Run:
 
 @pytest.fixture(scope="session")
 def _recorded(tmp_path_factory):
-    return tmp_path_factory.mktemp("recorded") / "run.mcap"
+    path = tmp_path_factory.mktemp("recorded") / "run.mcap"
+    record_run(path)
+    return path
 
 
 @pytest.fixture
-async def recorded_run(_recorded, tmp_path):
+def recorded_run(_recorded, tmp_path):
     """The path of a recording with every kind of decision; each test gets a copy."""
-    if not _recorded.exists():
-        await _record(_recorded)
     return Path(shutil.copy(_recorded, tmp_path))
+
+
+def record_run(path):
+    """Record a run with every kind of decision, on virtual time."""
+    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        runner.run(_record(path))
 
 
 async def _record(path):
