@@ -213,7 +213,10 @@ class _Painter:
 
     def head(self, view: View) -> list[Line]:
         """The title with the time, and the totals."""
-        place = view.place or (f"domain {view.domain}" if view.domain else "this machine")
+        here = f"domain {view.domain}" if view.domain else "this machine"
+        if view.nodes and not any(row.pid for row in view.nodes):  # such as the lab of a class
+            here = " ".join(dict.fromkeys(row.program for row in view.nodes))
+        place = view.place or here
         left, right = f"taskrpc top {self._signs.bullet} {place}", _clock(view.time)
         room = (self._columns or 80) - len(right)
         title = (Span(fitted(left, room, self._signs.more), Role.TITLE), Span(right, Role.DIM))

@@ -198,6 +198,14 @@ def test_totals_say_of_which_time_they_are(seconds, services, shown):
     assert text(view, 100, 24)[1].endswith(shown)
 
 
+def test_title_names_the_server_if_all_programs_run_on_other_machines():
+    nodes = [msgspec.structs.replace(row, pid=0, program="lab:7450") for row in BUSY.nodes]
+    view = msgspec.structs.replace(BUSY, nodes=tuple(nodes))
+    assert text(view, 100, 24)[0].startswith("taskrpc top · lab:7450 ")
+    mixed = msgspec.structs.replace(BUSY, nodes=(*nodes, BUSY.nodes[0]))
+    assert text(mixed, 100, 24)[0].startswith("taskrpc top · this machine ")
+
+
 def test_errors_before_the_window_are_not_red():
     view = View(0.0, 0, "", 5.0, 1, (service("/add", 1.0, errors=2),), (node("/a"),), ())
     roles = {span.role for line in picture(view, 80, 24) for span in line}
