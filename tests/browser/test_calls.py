@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+import taskrpc
+
 # The number of calls in the drawing, and whether the text is hidden.
 _STATE = """return [
     document.querySelectorAll("#calls .moving > g:first-of-type > *").length,
@@ -34,3 +36,20 @@ def test_browser_moves_the_calls_between_two_frames_of_the_page(start_server, se
     page.tab.run("globalThis.requestAnimationFrame = () => 0")  # no frame of the page from now on
     before = page.tab.run(_MOVED)
     page.tab.wait(lambda: page.tab.run(_MOVED) < before - 1, "the calls to move on")
+
+
+def test_service_and_result_of_a_failed_call_fit_at_the_end_of_its_lane(
+    start_server, services, open_page
+):
+    page = open_page(start_server("--fault", "slow:1s,first=1,service=/robot_task/pause"))
+    with pytest.raises(taskrpc.DeadlineExceeded):
+        services.call("/pause", timeout=0.2)
+    ends = ".lane_lasts li:first-child span"
+    page.tab.wait(lambda: "✕" in "".join(page.tab.texts(ends)), "the failed call")
+    assert page.tab.texts(ends)[0] == "/pause"
+    widths = page.tab.run(
+        "return [...document.querySelectorAll(arguments[0])]"
+        ".map(each => [each.scrollWidth, each.clientWidth])",
+        ends,
+    )
+    assert all(needed <= given for needed, given in widths), widths

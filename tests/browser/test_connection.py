@@ -8,6 +8,10 @@ from tests.browser.live_page import LivePage
 REFUSED = ("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET")
 """What Chromium reports of a server that has ended."""
 
+_FIGURES_FIT = """
+return document.getElementById("stats").getBoundingClientRect().right <= innerWidth;
+"""
+
 
 def state(page):
     return page.read()["connection"]
@@ -35,12 +39,13 @@ def test_page_reconnects_to_a_restarted_server_and_says_so(
     server = start_server(*db)
     for _ in range(3):
         services.submit()
-    page = open_page(server)
+    page, large = open_page(server), open_page(server, query="?projector")
     page.agrees(services, until=lambda shown: shown.running is not None)
     tabs.expect(*REFUSED)
     server.kill()
     page.tab.wait(lambda: state(page) == "lost", "the connection to be lost")
     start_server(*db, web=server.web)
+    assert large.is_live().tab.run(_FIGURES_FIT)
     page.is_live()
     assert "restarted" in page.tab.run("return document.body.innerText")
     shown = page.agrees(services, until=lambda shown: shown.running is not None)

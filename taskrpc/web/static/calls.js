@@ -2,7 +2,7 @@
 
 import { byId, calm, drawn, element, setAttribute, setStyle, setText } from "./dom.js";
 import { Lanes } from "./lanes.js";
-import { callText, meaning, milliseconds, plural, taskText } from "./words.js";
+import { callText, meaning, milliseconds, plural, shortName, taskText } from "./words.js";
 
 const WINDOW = 10; // seconds that the track shows
 const REBASE = 10; // seconds until the drawing starts again at a new origin
@@ -16,13 +16,16 @@ const NEAR = 8; // pixels around a call that still count as the call
 /** Return whether a call deserves more than a plain mark. */
 const isNotable = (call) => call.state !== "ok" || call.attempt > 1 || call.repeated;
 
+/** Return the newest result of a lane, short enough for its end: the code is beside the call. */
+const resultText = (call, now) => (call.state === "error" ? `✕ ${milliseconds(call.ms)}` : call.attempt > 1 ? `retry ${call.attempt - 1}` : callText(call, now));
+
 const tone = (call) => (call.state === "error" ? "bad" : call.state === "open" ? "warn" : call.repeated ? "violet" : "good");
 
 export class CallsView {
   constructor(model) {
     this.model = model;
     this.root = byId("calls");
-    this.empty = element("div", { class: "empty", id: "calls_empty" }, "No call in the last seconds. Each call appears here: from its client to the server, the queue and the robot.");
+    this.empty = element("div", { class: "empty", id: "calls_empty" }, "No call in the last seconds.", element("span", {}, "Each call appears here: from its client to the server, the queue and the robot."));
     this.lanes = new Lanes(this.root, "Calls of the last ten seconds; the tab List shows them as a table");
     this.bars = drawn("g");
     this.work = drawn("g");
@@ -93,10 +96,7 @@ export class CallsView {
 
   /** Add calls to the drawing; plain ones share one path, so that hundreds a second are cheap. */
   add(calls) {
-    const plain = [];
-    const long = [];
-    const links = [];
-    const queued = [];
+    const marks = { link: [], long: [], plain: [], submission: [], queued: [] }; // class -> parts of its path
     for (const call of calls) {
       this.open.get(call.id)?.remove();
       this.open.delete(call.id);
@@ -105,18 +105,18 @@ export class CallsView {
       const length = call.ms == null ? this.lanes.width * 2 : Math.max(this.bar, (call.ms / 1000) * this.pixels);
       if (isNotable(call)) this.addNotable(call, x, y, length);
       else {
-        if (call.ms > LONG * 1000) long.push(`M${x.toFixed(1)} ${y}h${length.toFixed(1)}`);
-        plain.push(`M${(call.ms > LONG * 1000 ? x + length - this.bar : x).toFixed(1)} ${y}h${(call.ms > LONG * 1000 ? this.bar : length).toFixed(1)}`);
-        if ((this.model.stats.per_second ?? 0) < QUIET) links.push(`M${x.toFixed(1)} ${y}V${this.lanes.server}`);
+        const isLong = call.ms > LONG * 1000;
+        if (isLong) marks.long.push(`M${x.toFixed(1)} ${y}h${length.toFixed(1)}`);
+        marks.plain.push(`M${(isLong ? x + length - this.bar : x).toFixed(1)} ${y}h${(isLong ? this.bar : length).toFixed(1)}`);
+        if ((this.model.stats.per_second ?? 0) < QUIET) marks.link.push(`M${x.toFixed(1)} ${y}V${this.lanes.server}`);
       }
-      if (this.isSubmission(call)) queued.push(drawn("path", { class: "submission", d: `M${x.toFixed(1)} ${y}V${this.lanes.queue}` }), drawn("circle", { class: "queued", cx: x, cy: this.lanes.queue, r: this.lanes.rem / 4 }));
+      if (!this.isSubmission(call)) continue;
+      marks.submission.push(`M${x.toFixed(1)} ${y}V${this.lanes.queue}`);
+      marks.queued.push(`M${x.toFixed(1)} ${this.lanes.queue}h0`); // the round end of a line is a dot
     }
     const end = calls.length ? Math.max(...calls.map((call) => call.begin + (call.ms ?? 0) / 1000)) : 0;
     const batch = drawn("g", { "data-end": end });
-    if (links.length) batch.append(drawn("path", { class: "link", d: links.join("") }));
-    if (long.length) batch.append(drawn("path", { class: "long", d: long.join("") }));
-    if (plain.length) batch.append(drawn("path", { class: "plain", d: plain.join("") }));
-    batch.append(...queued);
+    for (const [name, parts] of Object.entries(marks)) if (parts.length) batch.append(drawn("path", { class: name, d: parts.join("") }));
     if (batch.children.length) this.bars.append(batch);
     this.showEmpty();
   }
@@ -136,7 +136,7 @@ export class CallsView {
     mark.append(drawn("path", { class: "link", d: `M${x} ${y}V${this.lanes.server}` }), drawn("rect", { x, y: y - thick / 2, width: length, height: thick, rx: 2 }));
     if (call.deadline_ms != null && (call.state === "open" || call.code === "DEADLINE_EXCEEDED")) {
       const limit = x + (call.deadline_ms / 1000) * this.pixels;
-      mark.append(drawn("path", { class: "deadline", d: `M${limit} ${y - thick}v${2 * thick}` }));
+      mark.append(drawn("path", { class: "deadline", d: `M${limit} ${y - thick / 2}v${1.5 * thick}` }));
     }
     const label = call.state === "error" ? `✕ ${call.code}` : call.attempt > 1 ? `retry ${call.attempt - 1}${call.repeated ? ", stored answer" : ""}` : call.repeated ? "stored answer" : "";
     if (label && this.hasRoom(call, x, label)) mark.append(drawn("text", { x, y: y - thick / 2 - 3 }, label));
@@ -177,8 +177,7 @@ export class CallsView {
     const { tasks, stats, skipped } = this.model;
     this.lanes.clients.forEach(({ name }, i) => {
       const call = this.latest.get(name);
-      const service = call?.service.replace(this.model.hello?.server.service ?? "", "") || call?.service || "";
-      this.lanes.last(i, call ? `${service}\t${callText(call, now).replace(" · stored answer", "")}` : "", call ? tone(call) : null);
+      this.lanes.last(i, call ? `${shortName(call.service, this.model.hello?.server.service)}\t${resultText(call, now)}` : "", call ? tone(call) : null);
     });
     if (this.lanes.others.size) this.lanes.last(this.lanes.clients.length, skipped ? `${plural(skipped, "call")} not drawn` : "", null);
     this.lanes.last(-3, stats.total ? `${plural(stats.total, "call")} in all` : "", null);

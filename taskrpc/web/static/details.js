@@ -33,7 +33,7 @@ function factList(facts) {
 }
 
 function changesOf(task) {
-  const changes = task.changes ?? [];
+  const changes = (task.changes ?? []).filter((change) => Math.abs(change.seconds) >= 0.05);
   const text = changes.length ? null : element("p", { class: "quiet" }, "It did not change.");
   return element("section", {}, element("h3", {}, "Why its estimate changed"), text, element("ul", { class: "changes" }, ...changes.map((change) => element("li", { "data-tone": change.seconds > 0 ? "warn" : "good" }, element("strong", {}, difference(change.seconds)), ` ${change.cause}`))));
 }

@@ -43,7 +43,7 @@ export function setAttribute(node, name, value) {
 
 /** Return the drawing of one of the symbols in index.html. */
 export function icon(name) {
-  return drawn("svg", { class: "icon", "aria-hidden": "true", "data-icon": name }, drawn("use", { href: `#icon_${name}` }));
+  return drawn("svg", { class: "icon", viewBox: "0 0 16 16", "aria-hidden": "true", "data-icon": name }, drawn("use", { href: `#icon_${name}` }));
 }
 
 /** Change which symbol an icon shows. */

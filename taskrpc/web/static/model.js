@@ -102,7 +102,7 @@ export class Model {
     this.clock.offset = null;
     this.clock.observe(data.now);
     this.reset();
-    if (restarted) this.connection.note = "The server restarted";
+    if (restarted) this.connection.note = "restarted";
     this.changed.add("connection");
   }
 

@@ -2,7 +2,7 @@
 
 import { animate, byId, calm, drawn, setAttribute, setText } from "./dom.js";
 import { QUEUE, ROBOT, SERVER } from "./lanes.js";
-import { callText, meaning, milliseconds, taskText } from "./words.js";
+import { callText, meaning, milliseconds, shortName, taskText } from "./words.js";
 
 const PERIOD = 0.9; // seconds that each message takes at least
 const BACKLOG = 24; // most messages that wait; further calls are skipped, so that the play stays near the present
@@ -16,7 +16,7 @@ export function messagesOf(call, service) {
   const messages = [];
   const retry = call.attempt > 1 ? `retry ${call.attempt - 1}: ` : "";
   if (call.attempt > 1) messages.push({ from: client, to: SERVER, lost: true, label: "no response", text: `${client} got no response to its attempt ${call.attempt - 1}, and tries again.` });
-  messages.push({ from: client, to: SERVER, label: retry + name, text: `${client} sends a request to ${name}${call.deadline_ms == null ? "" : `, with ${milliseconds(call.deadline_ms)} until its deadline`}.` });
+  messages.push({ from: client, to: SERVER, label: retry + shortName(name, service), text: `${client} sends a request to ${name}${call.deadline_ms == null ? "" : `, with ${milliseconds(call.deadline_ms)} until its deadline`}.` });
   if (call.code === "DEADLINE_EXCEEDED") {
     messages.push({ from: SERVER, to: client, lost: true, tone: "bad", label: "deadline exceeded", text: `No response within ${milliseconds(call.deadline_ms ?? call.ms)}: the call ends with DEADLINE_EXCEEDED.` });
     return messages;

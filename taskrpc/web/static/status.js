@@ -55,7 +55,7 @@ export class StatusView {
     setAttribute(this.connection, "data-state", state);
     setAttribute(document.documentElement, "data-connection", state);
     setIcon(this.icon, symbol);
-    setText(this.word, note && state === "live" ? `${word} · ${note.toLowerCase()} at ${timeOfDay(this.model.hello.server.started)}` : word);
+    setText(this.word, note && state === "live" ? `${word} · ${note} at ${timeOfDay(this.model.hello.server.started)}` : word);
     const seconds = Date.now() / 1000 - since;
     let banner = "";
     if (state === "lost" && (seconds > 0.4 || !this.model.hello)) banner = `Connection lost since ${timeOfDay(since)} (${duration(Math.floor(seconds))}): ${text}. What you see is from then. The page reconnects by itself.`;

@@ -63,6 +63,9 @@ export const taskText = (task) => `${task.task_type} ${task.target}`;
 
 export const plural = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
 
+/** Return the name of a service, without that of the server's tasks at its beginning. */
+export const shortName = (name, service) => (service && name.startsWith(`${service}/`) ? name.slice(service.length) : name);
+
 /** Return how a call ended, as a short text: `0.31 ms`, `DEADLINE_EXCEEDED after 2.0 s`. */
 export function callText(call, now) {
   const extra = (call.attempt > 1 ? ` · retry ${call.attempt - 1}` : "") + (call.repeated ? " · stored answer" : "");
