@@ -45,12 +45,6 @@ async def main():
         found["published"] = await use(
             "publish_once", topic="/chatter", msg_type="std_msgs/msg/String", msg={"data": "hello"}
         )
-        found["misspelled"] = await use(
-            "publish_once", topic="/chatter", msg_type="std_msgs/msg/String", msg={"dta": "hello"}
-        )
-        found["goal"] = await use(
-            "send_action_goal", action_name="/dock", action_type="x/action/Dock", goal={"a": 1}
-        )
         found["parameters"] = await use("get_parameters", node_name="/talker")
         found["set"] = await use("set_parameter", name="/talker:speed", value="2")
         found["parameter"] = await use("get_parameter", name="/talker:speed")

@@ -190,9 +190,6 @@ def test_tools_of_ros_mcp(ports):
     assert "no server offers /nothing" in found["unknown"]["error"]
     assert found["pose"]["msg"]["header"]["frame_id"] == "map"
     assert found["published"]["success"] is True
-    assert "unknown field 'dta'; String has data" in found["misspelled"]["error"]
-    assert "actions are not supported" in json.dumps(found["goal"])
-    assert found["actions"]["actions"] == []
     assert "/talker:speed" in found["parameters"]["parameters"]
     assert found["set"]["successful"] is True
     assert found["parameter"]["value"] == "2.0"

@@ -323,6 +323,14 @@ async def test_page_and_its_files_are_served_with_the_security_policy(page):
     assert headers["Content-Type"] == "text/javascript; charset=utf-8"
 
 
+async def test_file_is_compressed_for_clients_that_accept_it(page):
+    for accepted, encoding in (("gzip", "gzip"), ("identity", None)):
+        head = {"Accept-Encoding": accepted}
+        status, headers, text = await fetch(f"{page.url}/js/map.js", headers=head)
+        assert (status, text) == (200, "export const x = 1;")
+        assert (headers.get("Content-Encoding"), headers["Vary"]) == (encoding, "Accept-Encoding")
+
+
 async def test_browser_that_has_a_file_gets_no_body(page):
     _, headers, _ = await fetch(f"{page.url}/js/map.js")
     known = {"If-None-Match": f'"other", W/{headers["ETag"]}'}
