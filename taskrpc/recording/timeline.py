@@ -65,10 +65,13 @@ class Timeline:
         ):
             self._lines.add(event.t, encode(event))
         self._lines.flush()
+        # The folder `.` has no name.
+        self.name = recording.path.name or recording.path.resolve().name
+        """The name of the file or the folder."""
         problems = [each for each in (recording.problem, states.problem, mistake) if each]
         if states.decisions == 0:
             problems.append(
-                f"{recording.path.name} has no decisions of a task server, so there is no map and"
+                f"{self.name} has no decisions of a task server, so there is no map and"
                 " no queue; the page shows the calls and the nodes"
             )
         self.problem = "; ".join(problems)
@@ -128,7 +131,7 @@ class Timeline:
             "speed": run.speed if run else 1.0,
             "version": run.version if run else "",
         }
-        span = {"name": self.recording.path.name, "begin": self.begin, "end": self.end}
+        span = {"name": self.name, "begin": self.begin, "end": self.end}
         return {
             "protocol": PROTOCOL,
             "server": server,

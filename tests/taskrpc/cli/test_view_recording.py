@@ -149,6 +149,17 @@ def test_recording_is_served_until_a_signal(recorded_run, number, status):
     assert changed[0] == 401
 
 
+def test_folder_of_a_bag_of_rosbag2_is_shown_as_one_recording(recorded_run, tmp_path, monkeypatch):
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag/metadata.yaml").write_text("rosbag2_bagfile_information: {}\n")
+    recorded_run.rename(tmp_path / "bag/bag_0.mcap")
+    timeline = view_recording._timeline(tmp_path / "bag")
+    assert timeline.hello.data["recording"]["name"] == "bag"
+    assert timeline.problem == ""
+    monkeypatch.chdir(tmp_path / "bag")
+    assert view_recording._timeline(Path()).name == "bag"
+
+
 @POSIX
 @pytest.mark.real_time
 def test_unfinished_recording_is_shown_with_its_problem(recorded_run):

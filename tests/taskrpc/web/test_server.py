@@ -601,3 +601,69 @@ async def test_connection_of_another_user_sees_only_files_and_health(page, monke
         for headers in ({}, page.bearer(page.tokens.control)):
             assert (await fetch(f"{page.url}{path}", headers=headers))[0] == expected
     assert (await page.post("pause"))[0] == 401
+
+
+class Recorded:
+    """A recording of many large parts, which notes how many were taken."""
+
+    def __init__(self):
+        self.taken = 0
+
+    def lines(self):
+        for _ in range(200):
+            self.taken += 1
+            yield b"x" * 99_999 + b"\n"
+
+    gzipped = lines
+
+    def hello(self, *, control):
+        return b""
+
+    def task(self, task_id):
+        return None
+
+
+@pytest.fixture
+async def recorded(tmp_path):
+    made = Recorded()
+    (tmp_path / "index.html").write_text("<p>page</p>")
+    page = LivePage(static_files(tmp_path), Tokens(), LiveStream(), made, recording=made)
+    async with WebServer({}, listen="127.0.0.1:0", live=page) as web:
+        yield made, web
+
+
+async def test_recording_is_sent_to_its_end(recorded):
+    made, web = recorded
+    status, headers, text = await fetch(f"{web.url}/recording", headers={"Accept-Encoding": ""})
+    assert status == 200
+    assert "Content-Encoding" not in headers
+    assert headers["Cache-Control"] == "no-store"
+    assert len(text) == made.taken * 100_000 == 20_000_000
+    assert (await fetch(f"{web.url}/recording", method="HEAD"))[::2] == (200, "")
+
+
+async def test_recording_that_is_not_read_takes_no_memory_and_is_given_up(recorded, monkeypatch):
+    monkeypatch.setattr(server, "RECORDING_TIMEOUT", 0.2)
+    made, web = recorded
+    host, _, port = web.url.rpartition("/")[2].rpartition(":")
+    with socket.create_connection((host, int(port))) as unread:
+        unread.sendall(f"GET /recording HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode())
+        await asyncio.sleep(0.5)
+        assert 0 < made.taken < 200
+
+
+async def test_page_of_another_server_gets_no_recording(recorded):
+    _, web = recorded
+    status, _, _ = await fetch(f"{web.url}/recording", headers={"Origin": "http://evil.example"})
+    assert status == 403
+
+
+async def test_page_of_a_recording_has_nothing_to_control(recorded):
+    _, web = recorded
+    assert (await fetch(f"{web.url}/control/stop", method="POST"))[0] == 401
+    assert (await fetch(f"{web.url}/task/1"))[0] == 404
+    assert (await fetch(f"{web.url}/"))[0] == 200
+
+
+async def test_server_without_a_recording_has_no_such_page(web):
+    assert (await fetch(f"{web.url}/recording"))[0] == 404
