@@ -12,7 +12,7 @@ from typing import Any
 from taskrpc.recording.calls import RecordedCall
 from taskrpc.recording.decisions import RunStart
 from taskrpc.recording.timed_event import TimedEvent
-from taskrpc.tasks.page_events import MAX_NODES
+from taskrpc.tasks.page_events import MAX_NODES, client_label
 
 MAX_CALLS = 100
 """The most calls of one event, as on the live page."""
@@ -116,7 +116,7 @@ def _calls_event(
 def _call(number: int, call: RecordedCall, *, ended: bool) -> dict[str, Any]:
     return {
         "id": number,
-        "client": call.client,
+        "client": client_label(call.client),
         "account": call.account,
         "service": call.service,
         "begin": call.begin,

@@ -16,6 +16,7 @@ MAX_QUEUE, MAX_ENDED, MAX_MOVES, MAX_RANGES, MAX_NODES = 50, 30, 20, 4096, 100
 """The most entries of each list."""
 MIN_MOVE = 0.1
 """Seconds; smaller changes of an estimate are not shown."""
+_COMMAND = "/_taskrpc_cli_"  # the node of a command, without its process id
 _MIN_COMMON_MOVE = 0.5  # the same for a change that all tasks have, such as a pause
 
 
@@ -29,6 +30,14 @@ class _Scan(msgspec.Struct):
     ranges: list[float | None]
 
 
+def client_label(node: str) -> str:
+    """Return a client as the page names it: a command such as `taskrpc-call` by its process id.
+
+    Such a command has a hidden node. In a narrow column, only the id tells two of them apart.
+    """
+    return f"cli {node[len(_COMMAND) :]}" if node.startswith(_COMMAND) else node
+
+
 def task_json(task: Task, estimated_time: float) -> dict[str, Any]:
     """Return a task as the events contain it."""
     return {
@@ -37,7 +46,7 @@ def task_json(task: Task, estimated_time: float) -> dict[str, Any]:
         "target": task.target,
         "priority": task.priority,
         "state": task.state.value,
-        "client": task.client,
+        "client": client_label(task.client),
         "estimated_time": round(estimated_time, 3),
         "accepted_estimate": round(task.accepted_estimate, 3),
         "progress": round(task.progress, 4),

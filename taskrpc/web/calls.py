@@ -19,6 +19,7 @@ from taskrpc.callinfo import CallInfo
 from taskrpc.errors import Code
 from taskrpc.observer import Observer
 from taskrpc.request_ids.ids import ReceivedId
+from taskrpc.tasks.page_events import client_label
 from taskrpc.web.streams import MAX_CALLS, CallsEvent
 
 SLOW = 0.05
@@ -207,7 +208,12 @@ class CallLog(Observer):
     def _shown(self, call: CallInfo, now: float) -> ShownCall:
         left = None if call.deadline is None else round((call.deadline - call.clock()) * 1000, 1)
         return ShownCall(
-            call.number, call.caller, call.principal, call.service, now, deadline_ms=left
+            call.number,
+            client_label(call.caller),
+            call.principal,
+            call.service,
+            now,
+            deadline_ms=left,
         )
 
     def _is_known(self, call: CallInfo) -> bool:

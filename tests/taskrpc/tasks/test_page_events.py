@@ -11,6 +11,7 @@ from taskrpc.robot import default_world
 from taskrpc.tasks.model import BEFORE_RUNNING_KEY, Task, TaskState
 from taskrpc.tasks.page_events import (
     MAX_RANGES,
+    client_label,
     concerns,
     map_json,
     result_json,
@@ -98,3 +99,12 @@ def test_delay_concerns_the_tasks_behind_its_place(delay, seconds, expected):
 def test_running_task_is_before_the_queue():
     running = msgspec.structs.replace(TASK, state=TaskState.RUNNING)
     assert not concerns(DelayEvent(1, (-9, 1), 3.0, "a task went ahead"), running, 3.0)
+
+
+@pytest.mark.parametrize(
+    ("node", "label"), [("/_taskrpc_cli_815", "cli 815"), ("/ada", "/ada"), ("", "")]
+)
+def test_client_of_a_command_has_its_process_id_as_label(node: str, label: str) -> None:
+    assert client_label(node) == label
+    task = msgspec.structs.replace(TASK, client=node)
+    assert task_json(task, 0.0)["client"] == label
