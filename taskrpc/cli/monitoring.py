@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taskrpc.classroom.register import Register, own_addresses
 from taskrpc.cli.shared.page_link import NotedLink, PageLink
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.errors import TaskRpcError
@@ -47,7 +48,8 @@ if TYPE_CHECKING:
 class Monitoring:
     """Measures a server, and serves its pages and its live page at HOST:PORT.
 
-    Pages of `origins` may open a WebSocket there too, besides those of this machine.
+    Pages of `origins` may open a WebSocket there too, besides those of this machine. A reverse
+    proxy may serve the pages at these addresses.
     """
 
     def __init__(
@@ -94,6 +96,7 @@ class Monitoring:
             live=live,
             upgrade=self._rosbridge.handle,
             origins=self._origins,
+            names=() if is_loopback(host) else _names(class_folder),
         )
         if not is_loopback(host):
             known = self._accounts.current if self._accounts is not None else None
@@ -157,6 +160,11 @@ class Monitoring:
         )
         control = Control(load_types(), make_node)
         return LivePage(static_files(), self.tokens, stream, events, control)
+
+
+def _names(class_folder: str | None) -> Sequence[str]:
+    """Return the names at which other machines reach this one, as the join strings have them."""
+    return own_addresses() if class_folder is None else Register(Path(class_folder)).place.hosts
 
 
 def _reachable(address: str) -> str:

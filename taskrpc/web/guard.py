@@ -4,11 +4,13 @@ The first hazard is a browser on the robot's own machine: any web page can make 
 here, under a host name that resolves to this machine (DNS rebinding). So the Host header must
 contain one of the server's own names, and pages of other servers get no answer. The second hazard
 are other users of the machine: on Linux, the live page is for the server's own user (`peers` says
-why only there).
+why only there). The third hazard is a reverse proxy on this machine: its requests come from here,
+but its users do not. So a request for the name of an allowed origin always needs a token.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from urllib.parse import urlsplit
@@ -68,9 +70,12 @@ class Guard:
         names: the server's own names.
         encrypted: whether the server uses TLS.
         may_look: returns whether a bearer token is valid; without it, only requests of other users
-            need one.
+            and of proxies need one.
+        is_local: whether requests need no token although `may_look` is given, except those of other
+            users and of proxies.
         tokens: which tokens the live page accepts; without them, none.
-        origins: other pages that may open a WebSocket, such as `https://lab.example`.
+        origins: other pages that may open a WebSocket, such as `https://lab.example`. If a reverse
+            proxy serves this server's pages there, they may use it as the server's own address.
     """
 
     def __init__(
@@ -79,6 +84,7 @@ class Guard:
         *,
         encrypted: bool = False,
         may_look: Callable[[str], bool] | None = None,
+        is_local: bool = False,
         tokens: Tokens | None = None,
         origins: Iterable[str] = (),
     ) -> None:
@@ -87,8 +93,11 @@ class Guard:
         given = {name.lower() for name in names}
         self._names = given | {name.removesuffix(usual) for name in given if name.endswith(usual)}
         self._may_look = may_look
+        self._needs_token = may_look is not None and not is_local
         self._tokens = tokens
-        self._origins = {origin.lower().rstrip("/") for origin in origins}
+        self._origins = {_without_usual_port(origin.lower().rstrip("/")) for origin in origins}
+        self._public_names = _hosts(self._origins) - self._names
+        """The names under which a proxy forwards requests."""
 
     def refusal(self, head: Head, access: Access = Access.MONITOR) -> Refusal | None:
         """Return why a request is refused, None if it is accepted."""
@@ -99,34 +108,43 @@ class Guard:
         if len(head.hosts) != 1:
             return Refusal(400, f"expected one Host header, got {len(head.hosts)}")
         host = head.hosts[0].lower()
-        if not host or (host not in self._names and host != head.local):
-            return Refusal(421, "this server does not have this name; use its address")
+        if not host or (
+            host not in self._names and host != head.local and host not in self._public_names
+        ):
+            return _host_refusal(host)
         for origin in head.origins:
             if not self._is_allowed(origin.lower(), host, access):
                 return _origin_refusal(origin, access)
         return self._token_refusal(head, access)
 
     def _is_allowed(self, origin: str, host: str, access: Access) -> bool:
+        if host in self._public_names:  # the proxy may use another scheme than this server
+            return origin in self._origins
         if origin == f"{self._scheme}://{host}":
             return True
-        return access is Access.CONNECT and (origin in self._origins or _is_local(origin))
+        if origin in self._origins:  # a proxy that replaces the Host header shows the buttons there
+            return access in (Access.CONNECT, Access.CONTROL)
+        return access is Access.CONNECT and _is_local(origin)
 
     def _token_refusal(self, head: Head, access: Access) -> Refusal | None:
         if access is Access.LOAD:
             return None
+        is_forwarded = head.hosts[0].lower() in self._public_names
+        needs_token = self._needs_token or is_forwarded
         if access is Access.MONITOR:
-            is_valid = self._may_look is None or self._may_look(head.token)
+            may_read = self._may_look or self._may_look_with_link
+            is_valid = not needs_token or may_read(head.token)
         elif access is Access.CONTROL:
             is_valid = self.holder(head) is not None
         else:
-            is_valid = self._may_look is None and not head.is_other_user
+            is_valid = not needs_token and not head.is_other_user
             may_pass = self._may_connect if access is Access.CONNECT else self._may_view
             is_valid = is_valid or may_pass(head)
         if is_valid:
             return None
         if access is Access.CONTROL:
             problem = "expected a token for control: open the link that `taskrpc view` prints"
-        elif head.is_other_user:
+        elif head.is_other_user and not is_forwarded:
             problem = "this page is for the user of the server; see `taskrpc view --help`"
         else:
             problem = "expected the server's secret: Authorization: Bearer SECRET"
@@ -137,6 +155,9 @@ class Guard:
         if self._tokens is None:
             return None
         return self._tokens.holder(head.token, of_links=not head.is_other_user)
+
+    def _may_look_with_link(self, token: str) -> bool:
+        return self._tokens is not None and self._tokens.may_look(token)
 
     def _may_view(self, head: Head) -> bool:
         if self._tokens is None:
@@ -149,6 +170,11 @@ class Guard:
             return self._may_view(head)
         holder = self.holder(head)
         return holder is not None and not holder.account
+
+
+def _host_refusal(host: str) -> Refusal:
+    proxy = f"behind a proxy, start it with --allow-origin https://{host[:100] or 'NAME'}"
+    return Refusal(421, f"this server does not have this name; use its address, or, {proxy}")
 
 
 def _origin_refusal(origin: str, access: Access) -> Refusal:
@@ -164,6 +190,26 @@ def own_names(listened: str, port: int, *, machine: str) -> list[str]:
     if not listened.startswith("127.") and listened not in ("::1", "localhost"):
         hosts += [listened, machine, f"{machine}.local"]
     return [f"[{host}]:{port}" if ":" in host else f"{host}:{port}" for host in hosts]
+
+
+def _without_usual_port(origin: str) -> str:
+    """Return an origin as browsers write it: without the port that its scheme implies."""
+    return origin.removesuffix(_usual_port(origin))
+
+
+def _usual_port(origin: str) -> str:
+    return ":443" if origin.startswith("https:") else ":80"
+
+
+def _hosts(origins: Iterable[str]) -> set[str]:
+    """Return the Host headers of origins; some proxies leave the port out, or always add it."""
+    found = set()
+    for origin in origins:
+        _, is_url, place = origin.partition("://")
+        if is_url:
+            host = re.sub(r":[0-9]+\Z", "", place)
+            found |= {place, host, f"{host}{_usual_port(origin)}"}
+    return found
 
 
 def _bearer(authorizations: Sequence[str]) -> str:

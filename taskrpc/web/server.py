@@ -34,6 +34,8 @@ REQUEST_TIMEOUT = 10.0
 """Seconds for one request and its response; then the connection is closed."""
 RECORDING_TIMEOUT = 120.0
 """The same for a recording, which a slow computer reads event by event."""
+EVERYWHERE = ("0.0.0.0", "::", "")
+"""The hosts with which a server listens at all addresses; no browser can open them."""
 _END_GRACE = 0.1
 """Seconds for requests in progress when the server ends. aiohttp takes 0 for no limit."""
 
@@ -108,7 +110,11 @@ class WebServer:
         may_look: returns whether a bearer token is valid.
         live: the live page; without it, there are only `pages`.
         upgrade: answers requests for a WebSocket at `/`; without it, they are refused.
-        origins: other pages that may open a WebSocket, besides those of this machine.
+        origins: other pages that may open a WebSocket, besides those of this machine; also the
+            addresses under which a reverse proxy serves these pages, such as `https://lab.example`.
+            Requests for the name of such an address need a token.
+        names: more names or addresses of this machine that are valid in a Host header; the first
+            one stands in `url` if `listen` means all addresses.
     """
 
     def __init__(
@@ -121,6 +127,7 @@ class WebServer:
         live: LivePage | None = None,
         upgrade: Upgrade | None = None,
         origins: Iterable[str] = (),
+        names: Iterable[str] = (),
     ) -> None:
         self.url = ""
         """The address of the pages; "" before the start."""
@@ -128,9 +135,10 @@ class WebServer:
         self._live = live
         self._upgrade = upgrade
         self._origins = tuple(origins)
+        self._names = tuple(names)
         self._host, self._port = split_place(listen)
         self._tls = ServerTls(tls) if tls is not None and tls.cert is not None else None
-        self._may_look = None if is_loopback(self._host) else may_look
+        self._may_look = may_look
         if not is_loopback(self._host) and (self._tls is None or may_look is None):
             raise CannotListen(
                 f"cannot show pages at {self._host}: beyond this machine's own addresses"
@@ -154,12 +162,17 @@ class WebServer:
         sock = bound(self._host, self._port)
         port = sock.getsockname()[1]
         names = own_names(self._host, port, machine=socket.gethostname())
+        names += [join_place(name, port) for name in self._names]
         encrypted = self._tls is not None
-        self.url = f"http{'s' if encrypted else ''}://{join_place(self._host, port)}"
+        host = self._host
+        if host in EVERYWHERE and self._names:
+            host = self._names[0]
+        self.url = f"http{'s' if encrypted else ''}://{join_place(host, port)}"
         self._guard = Guard(
             names,
             encrypted=encrypted,
             may_look=self._may_look,
+            is_local=is_loopback(self._host),
             tokens=None if self._live is None else self._live.tokens,
             origins=self._origins,
         )

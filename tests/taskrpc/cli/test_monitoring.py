@@ -9,11 +9,14 @@ import pytest
 import trustme
 
 import taskrpc
+from taskrpc.classroom.register import Place, Register
+from taskrpc.cli import monitoring
 from taskrpc.cli.monitoring import Monitoring
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.tasks import MemoryStore, TaskServer
 from taskrpc.web import server as web_server
 from tests.taskrpc.tasks.fakes import FullStore, LineRobot
+from tests.taskrpc.web.reverse_proxy import reverse_proxy
 
 SECRET = "s" * 20
 ACCOUNTS = f"""
@@ -176,3 +179,86 @@ async def test_account_with_the_role_observe_sees_the_page_and_cannot_control(
                 assert response.status == 401
         assert not server.manager.is_paused
         await server.close()
+
+
+PUBLIC = "https://lab.example"
+
+
+async def seen_through(proxy, token, host, origin):
+    """What the page, a button and the WebSocket get through a proxy, each with its status."""
+    headers = {"Host": host} | ({"Authorization": f"Bearer {token}"} if token else {})
+    found = []
+    async with aiohttp.ClientSession(headers=headers) as http:
+        async with http.get(f"http://{proxy}/") as response:
+            found.append(response.status)
+        async with http.get(f"http://{proxy}/live") as response:
+            first = (await response.content.readline()).decode()
+            found.append((response.status, first.rstrip() if response.status == 200 else ""))
+        own = {"Origin": origin}
+        async with http.post(f"http://{proxy}/control/pause", headers=own, json={}) as response:
+            found.append(response.status)
+        try:
+            async with http.ws_connect(f"http://{proxy}/", origin=origin) as socket:
+                call = {"op": "call_service", "service": "/robot_task/health", "id": "1"}
+                await socket.send_json(call)
+                answer = await socket.receive_json(timeout=60)
+                found.append((101, answer["values"]["success"]))
+        except aiohttp.WSServerHandshakeError as refused:
+            found.append((refused.status, False))
+    return found
+
+
+SHOWN = [200, (200, "event: hello"), 200, (101, True)]
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize(
+    ("origins", "token", "host", "expected"),
+    [
+        ([PUBLIC], "server", "", SHOWN),
+        ([PUBLIC], "control", "", SHOWN),
+        ([PUBLIC], "view", "", [200, (200, "event: hello"), 401, (401, False)]),
+        ([PUBLIC], "", "", [200, (401, ""), 401, (401, False)]),
+        ([], "server", "", [421, (421, ""), 421, (421, False)]),
+        ([PUBLIC], "server", "replaced", SHOWN),
+        ([], "server", "replaced", [200, (200, "event: hello"), 403, (403, False)]),
+    ],
+)
+async def test_page_its_events_its_buttons_and_rosbridge_work_behind_a_proxy(
+    origins, token, host, expected
+):
+    secret = "the token of the server"
+    async with taskrpc.Node("task_server") as node:
+        server = TaskServer(node, LineRobot(), MemoryStore())
+        await server.start()
+        watch = Monitoring("127.0.0.1:0", Remote(token=secret), None, origins)
+        token = {"server": secret, "": ""}.get(token) or getattr(watch.tokens, token, "")
+        async with watch.serving(watch.web(server, node)) as web:
+            replaced = web.url.removeprefix("http://") if host else ""
+            async with reverse_proxy(web.url, host=replaced) as proxy:
+                assert await seen_through(proxy, token, "lab.example", PUBLIC) == expected
+        await server.close()
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("of_a_class", [True, False])
+async def test_page_for_all_addresses_has_the_address_that_laptops_use(
+    of_a_class, tls, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(monitoring, "own_addresses", lambda: ["192.0.2.1", "192.0.2.2"])
+    Register(tmp_path / "class").place = Place(("robot.lab", "192.0.2.2"), 7450)
+    async with taskrpc.Node("task_server", transport="memory") as node:
+        server = TaskServer(node, LineRobot(), MemoryStore())
+        watch = Monitoring("0.0.0.0:0", Remote(tls=tls, token=SECRET), None)
+        folder = str(tmp_path / "class") if of_a_class else None
+        async with watch.serving(watch.web(server, node, folder)) as web:
+            port = int(web.url.rpartition(":")[2])
+            host = "robot.lab" if of_a_class else "192.0.2.1"
+            assert web.url == f"https://{host}:{port}"
+            here, found = f"https://127.0.0.1:{port}/", {}
+            async with aiohttp.ClientSession() as http:
+                for name in (host, "192.0.2.2", "192.0.2.3"):
+                    named = {"Host": f"{name}:{port}"}
+                    async with http.get(here, headers=named, ssl=False) as response:
+                        found[name] = response.status
+            assert found == {host: 200, "192.0.2.2": 200, "192.0.2.3": 421}

@@ -127,6 +127,92 @@ def granted(access, *, tokens=None, **head):
     return refusal.status if refusal else 200
 
 
+PUBLIC = "https://lab.example"
+
+
+def proxied(access, *, host="lab.example", allowed=(PUBLIC,), token="", origin="", **head):
+    """The status of a request that a reverse proxy of this machine forwards."""
+    tokens = Tokens("server's own")
+    token = {"view": tokens.view, "control": tokens.control}.get(token, token)
+    guard = Guard(HERE, tokens=tokens, origins=allowed, is_local=True)
+    method = "POST" if access is Access.CONTROL else "GET"
+    origins = [origin] if origin else []
+    refusal = guard.refusal(
+        Head(method, [host], origins=origins, authorizations=bearer(token), **head), access
+    )
+    return refusal.status if refusal else 200
+
+
+@pytest.mark.parametrize(
+    ("host", "allowed", "expected"),
+    [
+        ("lab.example", PUBLIC, 200),
+        ("LAB.example:443", PUBLIC, 200),
+        ("lab.example", "https://lab.example:443/", 200),
+        ("lab.example:8443", "https://lab.example:8443", 200),
+        ("lab.example", "https://lab.example:8443", 200),  # the proxy leaves the port out
+        ("lab.example", "http://lab.example", 200),
+        ("lab.example:80", PUBLIC, 421),
+        ("lab.example", "https://other.example", 421),
+        ("lab.example.evil.example", PUBLIC, 421),
+        ("null", "null", 421),
+        ("", "null", 421),
+    ],
+)
+def test_name_of_an_allowed_origin_is_a_valid_host(host, allowed, expected):
+    assert proxied(Access.LOAD, host=host, allowed=[allowed]) == expected
+
+
+def test_refused_host_names_the_option_for_a_proxy():
+    refusal = Guard(HERE).refusal(Head("GET", ["lab.example"]))
+    assert refusal is not None
+    assert "--allow-origin https://lab.example" in refusal.reason
+
+
+@pytest.mark.parametrize(
+    ("access", "token", "expected"),
+    [
+        (Access.LOAD, "", 200),
+        (Access.MONITOR, "", 401),
+        (Access.LOOK, "", 401),
+        (Access.CONTROL, "", 401),
+        (Access.CONNECT, "", 401),
+        (Access.MONITOR, "view", 200),
+        (Access.LOOK, "view", 200),
+        (Access.CONTROL, "view", 401),
+        (Access.CONNECT, "view", 401),
+        (Access.LOOK, "control", 200),
+        (Access.CONTROL, "control", 200),
+        (Access.CONNECT, "control", 200),
+    ],
+)
+def test_request_for_the_name_of_a_proxy_needs_a_token(access, token, expected):
+    assert proxied(access, token=token) == expected
+    assert proxied(access, token=token, origin=PUBLIC) == expected
+
+
+def test_proxy_of_another_user_needs_the_token_of_the_server():
+    for token, expected in (("server's own", 200), ("control", 401), ("", 401)):
+        assert proxied(Access.CONTROL, token=token, is_other_user=True) == expected
+        assert proxied(Access.LOOK, token=token, is_other_user=True) == expected
+
+
+@pytest.mark.parametrize("access", [Access.LOOK, Access.CONTROL, Access.CONNECT])
+@pytest.mark.parametrize(
+    "origin", ["https://evil.example", "http://lab.example", "http://127.0.0.1:8080", "null"]
+)
+def test_page_of_another_server_is_refused_at_the_name_of_a_proxy(access, origin):
+    assert proxied(access, token="control", origin=origin) == 403
+
+
+def test_buttons_work_behind_a_proxy_that_replaces_the_host():
+    head = {"host": "127.0.0.1:8080", "origin": PUBLIC}
+    assert proxied(Access.CONTROL, token="control", **head) == 200
+    assert proxied(Access.CONTROL, **head) == 401
+    assert proxied(Access.CONTROL, token="control", allowed=(), **head) == 403
+    assert proxied(Access.LOOK, token="control", **head) == 403
+
+
 def bearer(token):
     return [f"Bearer {token}"]
 
