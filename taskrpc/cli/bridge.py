@@ -20,9 +20,11 @@ _NAME = "rosbridge_websocket"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Give a parser the gateways."""
+    """Add the command of each gateway to a parser."""
     commands = add_group(parser)
-    rosbridge = add_command(commands, "rosbridge", "Serve browsers that use roslib (rosbridge v2)")
+    rosbridge = add_command(
+        commands, "rosbridge", "Start a gateway for rosbridge clients, such as roslib in a browser"
+    )
     add = rosbridge.add_argument
     what = f"the address for WebSockets ({_PLACE})"
     add("--listen", metavar="HOST:PORT", type=remote.place, default=_PLACE, help=what)

@@ -39,7 +39,7 @@ _GROUPS = {
         "view": "Open the live page of the task server, or a recording, in the browser",
         "bag": "Record topics and calls, and play them again",
         "run": "Run a ROS 2 program without ROS",
-        "bridge": "Connect browsers and other programs without taskrpc",
+        "bridge": "Connect browsers and programs that do not use taskrpc",
         "demo": "Watch a task server, three clients and a robot at work",
         "top": "Watch nodes, services, calls, the queue and the robot live",
         "doctor": "Find out why something does not work",

@@ -100,7 +100,7 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--queue-limit", metavar="N", type=whole(1), default=10_000, help=limit)
     share = "maximum number of queued tasks of one account at one machine (no limit)"
     add("--share", metavar="N", type=whole(1), help=share)
-    attendance = "a file in which to note when each account last called"
+    attendance = "a file in which the server notes when each account last called"
     add("--attendance", metavar="FILE", help=attendance)
     # `taskrpc classroom` gives it: the folder of the class that the live page shows.
     add("--class", dest="class_folder", metavar="FOLDER", help=argparse.SUPPRESS)
@@ -112,9 +112,9 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--standby", action="store_true", help=standby)
     events = "how much of each call `taskrpc service echo` can print (off)"
     add("--introspection", choices=["off", "metadata", "contents"], default="off", help=events)
-    found = "when to give up on a silent peer: `default` (8 s) or `robot` (2 s)"
+    found = "when to end the connection of a silent peer: `default` (8 s) or `robot` (2 s)"
     add("--keepalive", choices=["default", "robot"], help=found)
-    web = "serve the live page there over HTTP, rosbridge, /health and /metrics"
+    web = "serve the live page, rosbridge, /health and /metrics at this HTTP address"
     add("--web", metavar="HOST:PORT", type=remote.place, help=web)
     add_allow_origin(parser)
     fault = "inject a fault into calls, such as lose-response:first=1; may be given several times"
@@ -162,7 +162,7 @@ def _add_security_options(parser: argparse.ArgumentParser) -> None:
     )
     add("--accounts", metavar="FILE", help=what)
     add("--tls-cert", metavar="FILE", help="this server's certificate (PEM)")
-    add("--tls-key", metavar="FILE", help="its key (PEM)")
+    add("--tls-key", metavar="FILE", help="the key of this certificate (PEM)")
     what = "callers need a certificate that this authority signed (PEM)"
     add("--tls-ca", metavar="FILE", help=what)
 

@@ -35,8 +35,9 @@ _END_TIMEOUT = 5.0  # seconds that the server gets to end
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `view`."""
     parser.epilog = (
-        "Without FILE and a running server, it starts taskrpc-server --web and ends it at Ctrl-C."
-        " The link for control is a secret: who has it, may control the robot."
+        "If no task server runs, `taskrpc view` without FILE starts taskrpc-server --web, and ends"
+        " it at Ctrl-C. Keep the link for control secret: each person who has it can control the"
+        " robot."
     )
     add = parser.add_argument
     what = "A recording to show: a .mcap file, or the folder of a bag of rosbag2"
@@ -114,7 +115,7 @@ def _link_of(server: subprocess.Popen[bytes]) -> PageLink:
                 return link
         time.sleep(_POLL)
     if server.poll() is not None:
-        raise TaskRpcError("taskrpc-server could not start; its message is above")
+        raise TaskRpcError("taskrpc-server could not start; the lines above say why")
     raise TaskRpcError(f"taskrpc-server did not serve its page within {START_TIMEOUT:g} s")
 
 
@@ -133,17 +134,18 @@ def _end(server: subprocess.Popen[bytes]) -> None:
 
 
 def _show(link: PageLink, options: argparse.Namespace) -> None:
-    """Open the page in the browser, or print its links where no browser can be opened."""
+    """Open the page in the browser, or print its links if no browser can be opened."""
     if not options.no_browser and link.is_local:
         chosen = link.projector_link if options.projector else link.control_link
         if webbrowser.open(chosen):
             print(f"the live page is at {link.url}/", file=sys.stderr, flush=True)
             return
-        print("no browser can be opened here; open a link yourself:", file=sys.stderr)
+        print("found no browser; open one of these links yourself:", file=sys.stderr)
     elif not options.no_browser:
-        # On other systems and machines, a link in a browser's command line would give control to
-        # everybody who can see it.
-        print("other machines can reach this page; open a link yourself:", file=sys.stderr)
+        # All users of this machine can see a browser's command line. On this machine, the guard
+        # refuses the tokens of links from other users; from other machines it accepts them.
+        why = "other machines can reach this page, so no browser was started"
+        print(f"{why}; open one of these links yourself:", file=sys.stderr)
     print(f"control:   {link.control_link}")
-    print(f"look:      {link.view_link}")
+    print(f"read-only: {link.view_link}")
     print(f"projector: {link.projector_link}", flush=True)

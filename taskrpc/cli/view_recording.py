@@ -22,14 +22,14 @@ try:
 except ModuleNotFoundError as error:
     if error.name and error.name.startswith("taskrpc"):
         raise
-    raise TaskRpcError(f"the page needs {error.name}: pip install aiohttp") from None
+    raise TaskRpcError(f"taskrpc view needs {error.name}: pip install aiohttp") from None
 
 from taskrpc.web.pages import static_files
 from taskrpc.web.streams import LiveStream, framed
 from taskrpc.web.tokens import Tokens
 
 _MOST_REPLAYED = 20_000_000
-"""Bytes of a recording whose decisions are replayed; that takes a second."""
+"""Most bytes of a recording whose decisions are replayed; the replay takes a second."""
 
 
 def view(options: argparse.Namespace) -> int:
@@ -57,7 +57,7 @@ def _difference(recording: Recording) -> str:
     if not report.differences:
         return ""
     first = report.differences[0]
-    return f"the decisions differ from their replay (was another version recorded?): {first}"
+    return f"the decisions differ from their replay (did another version write them?): {first}"
 
 
 class _RecordedPage:
@@ -91,13 +91,13 @@ async def _serve(timeline: Timeline, options: argparse.Namespace) -> int:
 
 
 def _show(url: str, options: argparse.Namespace) -> None:
-    """Open the page in the browser, or print its links where no browser can be opened."""
+    """Open the page in the browser, or print its links if no browser can be opened."""
     projector = f"{url}/?projector"
     if not options.no_browser:
         # These links only show, and this machine needs no token for that.
         if webbrowser.open(projector if options.projector else f"{url}/"):
             print(f"the recording is at {url}/", file=sys.stderr, flush=True)
             return
-        print("no browser can be opened here; open a link yourself:", file=sys.stderr)
-    print(f"look:      {url}/")
+        print("found no browser; open one of these links yourself:", file=sys.stderr)
+    print(f"read-only: {url}/")
     print(f"projector: {projector}", flush=True)

@@ -48,7 +48,7 @@ def _add_record(commands: Commands) -> None:
     add("--topics", metavar="TOPIC", nargs="+", default=[], help="Topics to record")
     what = "Services whose calls to record; their servers must publish introspection events"
     add("--services", metavar="SERVICE", nargs="+", default=[], help=what)
-    what = "Record also the topics whose names contain this regular expression"
+    what = "Also record the topics whose names contain this regular expression"
     add("-e", "--regex", metavar="REGEX", default="", help=what)
     what = "Never record topics and services whose names contain this regular expression"
     add("--exclude-regex", metavar="REGEX", default="", help=what)
@@ -75,9 +75,9 @@ def _add_play(commands: Commands) -> None:
     add("file", metavar="FILE", help=_FILE)
     positive = number("above 0", lambda n: n > 0)
     at_least = number("from 0 on", lambda n: n >= 0)
-    what = "How many times faster than it was recorded (1)"
+    what = "Recorded seconds to play in one second (1)"
     add("-r", "--rate", metavar="RATE", type=positive, default=1.0, help=what)
-    what = "Seconds of the recording to leave out at the beginning (0)"
+    what = "Seconds to skip at the beginning of the recording (0)"
     add("--start-offset", metavar="S", type=at_least, default=0.0, help=what)
     what = "Seconds of the recording to play (to its end)"
     add("--playback-duration", metavar="S", type=at_least, help=what)
@@ -87,9 +87,9 @@ def _add_play(commands: Commands) -> None:
     add("--topics", metavar="TOPIC", nargs="+", default=[], help="Topics to play (all)")
     what = "Services whose calls to play (all)"
     add("--services", metavar="SERVICE", nargs="+", default=[], help=what)
-    what = "Topics that are not played"
+    what = "Topics to leave out"
     add("--exclude-topics", metavar="TOPIC", nargs="+", default=[], help=what)
-    what = "Services whose calls are not played"
+    what = "Services whose calls to leave out"
     add("--exclude-services", metavar="SERVICE", nargs="+", default=[], help=what)
     what = "Call the services again, instead of publishing the events of their calls"
     add("--publish-service-requests", action="store_true", help=what)

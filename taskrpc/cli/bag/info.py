@@ -19,7 +19,7 @@ from taskrpc.recording.schemas import EVENT, is_event
 
 
 class Contents(msgspec.Struct):
-    """What a recording contains."""
+    """The contents of a recording, counted."""
 
     counts: dict[Topic, int]
     """The messages of each topic."""
@@ -147,7 +147,7 @@ def sequence(options: argparse.Namespace) -> Exit:
     services = [quoting.expanded(name) for name in options.services]
     text = diagram(recording, limit=options.limit, services=services)
     if not text:
-        raise NotFound(f"{options.file}: no call was recorded")
+        raise NotFound(f"{options.file} has no calls of services to draw")
     print(text, end="", flush=True)
     if recording.problem:
         print(f"WARNING: {recording.problem}", file=sys.stderr)

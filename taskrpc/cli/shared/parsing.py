@@ -102,7 +102,7 @@ def whole(least: int, most: int | None = None) -> Callable[[str], int]:
 
 def add_allow_origin(parser: argparse.ArgumentParser) -> None:
     """Give a command that serves WebSockets the option for pages of other servers."""
-    what = "also let pages of this server connect, such as http://lab.local:8000; null for files"
+    what = "also accept web pages from this server, such as http://lab.local:8000; null for files"
     add = parser.add_argument
     add("--allow-origin", metavar="ORIGIN", type=_origin, action="append", default=[], help=what)
 

@@ -81,7 +81,7 @@ async def _print(options: Namespace, reader: Reader, place: str) -> None:
         view = await reader.read()
         problems = [each.problem for each in reader.programs if each.statistics is None]
         if options.once and place and len(problems) == len(reader.programs):
-            raise ServiceUnavailable(problems[0] or f"{place} offers nothing to measure")
+            raise ServiceUnavailable(problems[0] or f"the program at {place} has no statistics")
         print(_as_json(view) if options.json else _as_text(view), flush=True)
         if options.once:
             return

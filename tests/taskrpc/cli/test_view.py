@@ -58,7 +58,7 @@ def test_links_are_printed_on_request(note, opened, capsys, arguments):
     assert opened == []
     assert capsys.readouterr().out.splitlines() == [
         "control:   http://127.0.0.1:8642/#control=CONTROL",
-        "look:      http://127.0.0.1:8642/",
+        "read-only: http://127.0.0.1:8642/",
         "projector: http://127.0.0.1:8642/?projector",
     ]
 
@@ -76,7 +76,7 @@ def test_token_of_a_page_for_other_machines_is_in_no_command_line(note, opened, 
     assert opened == []
     assert capsys.readouterr().out.splitlines() == [
         "control:   https://192.0.2.7:8642/#control=CONTROL",
-        "look:      https://192.0.2.7:8642/#view=VIEW",
+        "read-only: https://192.0.2.7:8642/#view=VIEW",
         "projector: https://192.0.2.7:8642/?projector#view=VIEW",
     ]
 
@@ -84,7 +84,7 @@ def test_token_of_a_page_for_other_machines_is_in_no_command_line(note, opened, 
 def test_server_that_cannot_start_is_reported(monkeypatch, capsys, opened):
     monkeypatch.setattr(view, "_START", "import sys; sys.exit('the port is taken')")
     assert main(["view"]) == 1
-    assert "taskrpc-server could not start; its message is above" in capsys.readouterr().err
+    assert "taskrpc-server could not start; the lines above say why" in capsys.readouterr().err
     assert opened == []
 
 

@@ -77,7 +77,7 @@ def test_recording_without_a_message_is_one_line(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("missing", "problem"),
     [
-        ("aiohttp", "the page needs aiohttp: pip install aiohttp\n"),
+        ("aiohttp", "taskrpc view needs aiohttp: pip install aiohttp\n"),
         ("mcap", "recordings need mcap: pip install 'taskrpc[record]'\n"),
     ],
 )
@@ -95,7 +95,7 @@ def viewing(path, *options):
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
         try:
             link = process.stdout.readline().decode()
-            assert link.startswith("look:      http://127.0.0.1:"), process.stderr.read()
+            assert link.startswith("read-only: http://127.0.0.1:"), process.stderr.read()
             yield process, link.split("/")[2]
         finally:
             process.kill()
@@ -205,7 +205,7 @@ def test_links_are_printed_where_no_browser_can_be_opened(monkeypatch, capsys):
     view_recording._show("http://127.0.0.1:8642", options)
     out, err = capsys.readouterr()
     assert out.splitlines() == [
-        "look:      http://127.0.0.1:8642/",
+        "read-only: http://127.0.0.1:8642/",
         "projector: http://127.0.0.1:8642/?projector",
     ]
-    assert err == "no browser can be opened here; open a link yourself:\n"
+    assert err == "found no browser; open one of these links yourself:\n"
