@@ -1,8 +1,8 @@
 """`POST /control/VERB`: the buttons of the live page call the task server's public services.
 
 Each caller has a node of its own, which calls over the ordinary transport with the caller's own
-token. So roles, limits and logs are those of every other client. A node that is not used for
-`IDLE_SECONDS` is closed.
+token. So its calls have the same roles, limits and logs as the calls of every other client. A node
+that has made no call for `IDLE_SECONDS` is closed.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class _Caller:
         self.node = node
         self.clients: dict[str, Client[Any, Any]] = {}
         self.calls = 0
-        """How many calls run."""
+        """The number of calls in flight."""
         self.used = 0.0
         """When the last call ended, on the loop's clock."""
 
@@ -106,7 +106,7 @@ class Control:
         self._timer: asyncio.TimerHandle | None = None
 
     async def answer(self, verb: str, content_type: str, body: bytes, holder: Holder) -> Page:
-        """Call a service with a request as JSON object; returns its response, or the error."""
+        """Call a service with a request as a JSON object; returns its response, or the error."""
         try:
             request = self._request(verb, content_type, body)
             response = await self._call(verb, request, holder.token)
@@ -172,7 +172,10 @@ class Control:
             return
         idle = next((key for key, each in self._callers.items() if not each.calls), None)
         if idle is None:
-            raise ServerBusy("too many users control the robot with the page", retry_after=1.0)
+            problem = (
+                f"{MAX_NODES} users already control the robot through the page; try again later"
+            )
+            raise ServerBusy(problem, retry_after=1.0)
         await self._callers.pop(idle).node.destroy()
 
     def _expect_idle(self) -> None:

@@ -1,11 +1,14 @@
-"""Decides from the head of a request whether to answer it, and for whom.
+"""Decides from the head of a request whether the server accepts it, and for which user.
 
 The first hazard is a browser on the robot's own machine: any web page can make it send requests
 here, under a host name that resolves to this machine (DNS rebinding). So the Host header must
-contain one of the server's own names, and pages of other servers get no answer. The second hazard
-are other users of the machine: on Linux, the live page is for the server's own user (`peers` says
-why only there). The third hazard is a reverse proxy on this machine: its requests come from here,
-but its users do not. So a request for the name of an allowed origin always needs a token.
+contain one of the server's own names, and requests from pages of other servers are refused.
+
+The second hazard is another user of the machine. On Linux, only the server's own user may see the
+live page without a token; `peers` explains why other systems cannot check this.
+
+The third hazard is a reverse proxy on this machine: its requests come from this machine, but its
+users do not. So a request for the name of an allowed origin always needs a token.
 """
 
 from __future__ import annotations
@@ -23,12 +26,12 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 class Access(Enum):
-    """What a request wants to do."""
+    """The kinds of requests, by what they need to be allowed."""
 
     MONITOR = "monitor"
     """Read `/health` or `/metrics`: on this machine, every user may."""
     LOAD = "load"
-    """Load a file of the live page, which has no secrets: everybody may."""
+    """Load a file of the live page, which has no secrets: every user may."""
     LOOK = "look"
     """See what the live page shows: on this machine, the server's own user may."""
     CONTROL = "control"
@@ -103,8 +106,8 @@ class Guard:
         """Return why a request is refused, None if it is accepted."""
         methods = ("POST",) if access is Access.CONTROL else ("GET", "HEAD")
         if head.method not in methods:
-            verb = "is" if access is Access.CONTROL else "are"
-            return Refusal(405, f"only {' and '.join(methods)} {verb} answered here")
+            problem = f"expected the method {' or '.join(methods)}, got {head.method[:40]}"
+            return Refusal(405, problem)
         if len(head.hosts) != 1:
             return Refusal(400, f"expected one Host header, got {len(head.hosts)}")
         host = head.hosts[0].lower()
@@ -143,11 +146,14 @@ class Guard:
         if is_valid:
             return None
         if access is Access.CONTROL:
-            problem = "expected a token for control: open the link that `taskrpc view` prints"
+            problem = "expected a token for control; open the page with the command: taskrpc view"
         elif head.is_other_user and not is_forwarded:
-            problem = "this page is for the user of the server; see `taskrpc view --help`"
+            problem = (
+                "only the user who started the server may open this page without a token;"
+                " send the server's token or the token of an account"
+            )
         else:
-            problem = "expected the server's secret: Authorization: Bearer SECRET"
+            problem = "expected a valid token in the header: Authorization: Bearer TOKEN"
         return Refusal(401, problem)
 
     def holder(self, head: Head) -> Holder | None:
@@ -174,12 +180,16 @@ class Guard:
 
 def _host_refusal(host: str) -> Refusal:
     proxy = f"behind a proxy, start it with --allow-origin https://{host[:100] or 'NAME'}"
-    return Refusal(421, f"this server does not have this name; use its address, or, {proxy}")
+    return Refusal(
+        421, f"this server does not have the name {host[:100]!r}; use its address, or, {proxy}"
+    )
 
 
 def _origin_refusal(origin: str, access: Access) -> Refusal:
     if access is not Access.CONNECT:
-        return Refusal(403, "requests from pages of other servers are refused")
+        return Refusal(
+            403, f"expected a request from a page of this server, got one from {origin[:100]}"
+        )
     allow = f"the server allows it with --allow-origin {origin[:100]}"
     return Refusal(403, f"a page of another server may not open a WebSocket here; {allow}")
 
