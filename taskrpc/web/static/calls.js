@@ -1,19 +1,19 @@
-// Draws the calls live: one lane a client, then the server, the queue and the robot; time goes right.
+// Draws the calls live: lanes of clients, server, queue and robot; new calls appear at the right.
 
 import { byId, calm, drawn, element, setAttribute, setStyle, setText } from "./dom.js";
 import { Lanes } from "./lanes.js";
 import { callText, meaning, milliseconds, plural, shortName, taskText } from "./words.js";
 
 const WINDOW = 10; // seconds that the track shows
-const REBASE = 10; // seconds until the drawing starts again at a new origin
+const REBASE = 10; // seconds until the drawing gets a new origin
 const MOTION = 60; // seconds of one animation; longer than until the next origin
-const DRIFT = 40; // milliseconds that the drawing may be early or late
+const DRIFT = 40; // milliseconds that the animation may differ from the clock
 const BAR = 0.1875; // rem, the least length of a call
 const LONG = 0.1; // seconds; a longer call is drawn as a thin bar, or it would hide the others
 const QUIET = 40; // calls/s above which only notable calls have a line to the server
 const NEAR = 8; // pixels around a call that still count as the call
 
-/** Return whether a call deserves more than a plain mark. */
+/** Return whether a call gets its own mark. */
 const isNotable = (call) => call.state !== "ok" || call.attempt > 1 || call.repeated;
 
 /** Return the newest result of a lane, short enough for its end: the code is beside the call. */
@@ -121,7 +121,7 @@ export class CallsView {
     this.showEmpty();
   }
 
-  /** Say so if no call is drawn: an open call and each call in the window has a mark. */
+  /** Show a note if no call is drawn: each open call and each call in the window has a mark. */
   showEmpty() {
     this.empty.hidden = this.bars.childElementCount > 0;
   }
@@ -138,7 +138,7 @@ export class CallsView {
       const limit = x + (call.deadline_ms / 1000) * this.pixels;
       mark.append(drawn("path", { class: "deadline", d: `M${limit} ${y - thick / 2}v${1.5 * thick}` }));
     }
-    const label = call.state === "error" ? `✕ ${call.code}` : call.attempt > 1 ? `retry ${call.attempt - 1}${call.repeated ? ", stored answer" : ""}` : call.repeated ? "stored answer" : "";
+    const label = call.state === "error" ? `✕ ${call.code}` : call.attempt > 1 ? `retry ${call.attempt - 1}${call.repeated ? ", stored response" : ""}` : call.repeated ? "stored response" : "";
     if (label && this.hasRoom(call, x, label)) mark.append(drawn("text", { x, y: y - thick / 2 - 3 }, label));
     if (call.state === "open") this.open.set(call.id, mark);
     this.bars.append(mark);
@@ -242,7 +242,7 @@ export class CallsView {
   }
 }
 
-/** The same calls as a table, newest first; it holds still while the reader has scrolled down. */
+/** The same calls as a table, newest first; it does not change while the user has scrolled down. */
 export class CallList {
   constructor(model) {
     this.model = model;
@@ -250,7 +250,7 @@ export class CallList {
     this.body = element("tbody");
     const head = ["time", "client", "service", "result", "latency", "deadline", "attempt", "task"];
     this.table = element("table", { id: "call_table" }, element("caption", { class: "visually_hidden" }, "Newest calls"), element("thead", {}, element("tr", {}, ...head.map((name) => element("th", { scope: "col" }, name)))), this.body);
-    this.note = element("p", { class: "held", hidden: true }, "The list holds still. Scroll to the top to follow.");
+    this.note = element("p", { class: "held", hidden: true }, "New calls are not added while you read. Scroll to the top to see them.");
     this.empty = element("p", { class: "empty" }, "No call yet.");
     this.root.append(this.note, this.table, this.empty);
   }
@@ -273,7 +273,7 @@ export class CallList {
     setAttribute(row, "data-tone", tone(call));
     const state = call.state === "ok" ? "✓ ok" : call.state === "open" ? "○ open" : `✕ ${call.code}`;
     const time = new Date(call.begin * 1000).toTimeString().slice(0, 8) + (call.begin % 1).toFixed(3).slice(1);
-    const texts = [time, call.client, call.service, state, milliseconds(call.ms), milliseconds(call.deadline_ms), call.repeated ? `${call.attempt}, stored answer` : String(call.attempt), call.task_id == null ? "" : String(call.task_id)];
+    const texts = [time, call.client, call.service, state, milliseconds(call.ms), milliseconds(call.deadline_ms), call.repeated ? `${call.attempt}, stored response` : String(call.attempt), call.task_id == null ? "" : String(call.task_id)];
     texts.forEach((text, i) => setText(row.children[i], text));
   }
 }

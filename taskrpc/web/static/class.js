@@ -1,4 +1,4 @@
-// Shows the whole class: each student with a connection, a number of calls and the last sign of life.
+// Shows the whole class: each student with a connection, a number of calls and when it was last seen.
 
 import { byId, element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import { duration, plural } from "./words.js";
@@ -31,7 +31,7 @@ export class ClassView {
     setAttribute(node, "data-student", student.name);
     setIcon(node.firstChild, student.connected ? "live" : "QUEUED");
     setText(node.children[1], student.name);
-    const seen = student.connected ? plural(student.calls, "call") : student.last_seen ? `seen ${duration(this.model.now() - student.last_seen)} ago` : "not yet here";
+    const seen = student.connected ? plural(student.calls, "call") : student.last_seen ? `seen ${duration(this.model.now() - student.last_seen)} ago` : "not seen yet";
     setText(node.children[2], seen);
   }
 }

@@ -1,8 +1,8 @@
-// Reads the server's event stream, reconnects, and knows the token of this tab.
+// Reads the server's event stream, reconnects, and keeps the token of this tab.
 
 import { refusal } from "./words.js";
 
-const SILENCE = 25_000; // milliseconds without a byte until the connection counts as lost; a sign of life comes every 10 s
+const SILENCE = 25_000; // milliseconds without a byte after which the connection counts as lost; the server sends one every 10 s
 const WAITS = [300, 600, 1000, 2000, 3000, 5000]; // milliseconds before each attempt to reconnect
 const HIDDEN = 5_000; // milliseconds until a hidden tab closes its stream, so that it costs the server nothing
 

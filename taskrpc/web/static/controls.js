@@ -62,7 +62,7 @@ export class Controls {
       if (!response.ok) this.say(body.message ? `${body.error}: ${body.message}` : refusal(response.status, ""), "bad");
       else this.say(said(verb, body), body.success ? "good" : "bad");
     } catch {
-      this.say("The server does not answer. It is unknown whether the request was executed.", "bad");
+      this.say("The server does not respond. It is unknown whether it executed the request.", "bad");
     } finally {
       document.documentElement.toggleAttribute("data-busy", false);
     }

@@ -34,8 +34,8 @@ function factList(facts) {
 
 function changesOf(task) {
   const changes = (task.changes ?? []).filter((change) => Math.abs(change.seconds) >= 0.05);
-  const text = changes.length ? null : element("p", { class: "quiet" }, "It did not change.");
-  return element("section", {}, element("h3", {}, "Why its estimate changed"), text, element("ul", { class: "changes" }, ...changes.map((change) => element("li", { "data-tone": change.seconds > 0 ? "warn" : "good" }, element("strong", {}, difference(change.seconds)), ` ${change.cause}`))));
+  const text = changes.length ? null : element("p", { class: "quiet" }, "The estimate did not change.");
+  return element("section", {}, element("h3", {}, "Why the estimate changed"), text, element("ul", { class: "changes" }, ...changes.map((change) => element("li", { "data-tone": change.seconds > 0 ? "warn" : "good" }, element("strong", {}, difference(change.seconds)), ` ${change.cause}`))));
 }
 
 export class Details {
@@ -47,7 +47,7 @@ export class Details {
     this.dialog.addEventListener("click", (event) => event.target === this.dialog && this.dialog.close());
   }
 
-  /** Open the dialog with what the page knows, and complete it from the server. */
+  /** Open the dialog with the facts that the page has; then load the others from the server. */
   async open(id) {
     const { tasks } = this.model;
     const known = [tasks.running, ...tasks.queue, ...tasks.ended].find((task) => task?.task_id === id);
@@ -63,7 +63,7 @@ export class Details {
       const response = await fetch(`/task/${id}`, { headers: authorization(this.token) });
       if (response.ok && this.dialog.open) this.show(await response.json(), true);
     } catch {
-      // The known facts stay; the page says elsewhere that the connection is lost.
+      // The dialog keeps its facts; the banner says that the connection is lost.
     }
   }
 
@@ -78,7 +78,7 @@ export class Details {
       element("header", {}, element("h2", { id: "task_title" }, `task ${task.task_id}  ${taskText(task)}`), close),
       stateBadge(task.state),
       task.message ? element("p", {}, task.message) : "",
-      factList([["priority", String(task.priority)], ["client", task.client], ["submitted", time(task.submitted)], ["started", time(task.started)], ["ended", time(task.ended)], ["accepted with", duration(task.accepted_estimate)], [isOver ? "" : "ends in", isOver ? "" : duration(task.estimated_time)], ["took", isOver && task.started ? duration(task.ended - task.started) : ""]]),
+      factList([["priority", String(task.priority)], ["client", task.client], ["submitted", time(task.submitted)], ["started", time(task.started)], ["ended", time(task.ended)], ["first estimate", duration(task.accepted_estimate)], [isOver ? "" : "ends in", isOver ? "" : duration(task.estimated_time)], ["took", isOver && task.started ? duration(task.ended - task.started) : ""]]),
       (complete && resultOf(task.result)) || "",
       complete ? changesOf(task) : "",
       element("footer", {}, ...buttons),

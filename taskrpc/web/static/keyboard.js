@@ -1,8 +1,8 @@
-// The keys of the page, their list, and the tabs.
+// The keys of the page, the dialog that lists them, and the tabs.
 
 import { byId, element } from "./dom.js";
 
-const STORED = "taskrpc_keys"; // "off": single keys do nothing
+const STORED = "taskrpc_keys"; // "off": the keys do nothing
 
 /** Let arrow keys move between the tabs of a list of tabs, and show the panel of the chosen one. */
 export class Tabs {
@@ -57,7 +57,7 @@ export class Keyboard {
     this.dialog.append(
       element("header", {}, element("h2", { id: "help_title" }, "Keys"), element("button", { type: "button", class: "icon_button", "aria-label": "Close", onclick: () => this.dialog.close() }, "✕")),
       element("dl", { class: "keys" }, ...rows),
-      element("label", { class: "keys_switch" }, box, " Single keys work"),
+      element("label", { class: "keys_switch" }, box, " Use these keys"),
     );
   }
 

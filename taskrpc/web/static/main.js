@@ -120,24 +120,24 @@ function onSelected(use) {
 }
 
 new Keyboard([
-  { keys: ["?"], text: "this list", act: () => byId("help_dialog").showModal() },
-  { keys: ["j", "k", "ArrowDown", "ArrowUp"], text: "next, previous task of the queue", act: ({ key }) => (key.length > 1 && !tasks.queue.selected() ? false : tasks.queue.step(["j", "ArrowDown"].includes(key) ? 1 : -1)) },
-  { keys: ["Enter"], text: "details of the task", act: onSelected((task) => open(task.task_id)) },
+  { keys: ["?"], text: "show this list", act: () => byId("help_dialog").showModal() },
+  { keys: ["j", "k", "ArrowDown", "ArrowUp"], text: "select the next, previous task of the queue", act: ({ key }) => (key.length > 1 && !tasks.queue.selected() ? false : tasks.queue.step(["j", "ArrowDown"].includes(key) ? 1 : -1)) },
+  { keys: ["Enter"], text: "show the details of the task", act: onSelected((task) => open(task.task_id)) },
   { keys: ["+", "-"], text: "raise, lower the priority of the task", act: ({ key }) => reprioritise(key === "+" ? 1 : -1) },
   { keys: ["x", "Delete"], text: "cancel the task", act: onSelected((task) => act("cancel", { task_id: task.task_id })) },
   { keys: ["n"], text: "new task", act: () => (model.canControl ? byId("submit_target").focus() : act("submit")) },
   { keys: ["p"], text: "pause or resume the queue", act: () => controls.togglePause() },
   { keys: ["S"], text: "stop the robot", act: () => act("stop") },
-  { keys: ["m"], text: "slow motion of the messages", act: toggleSlowMotion },
-  { keys: ["."], text: "next single message", act: step },
-  { keys: ["l"], text: "live calls again", act: back },
-  { keys: ["1", "2", "3", "4"], text: "calls, list, nodes, class", act: (event) => tabs.choose(tabs.tabs[Number(event.key) - 1]) },
+  { keys: ["m"], text: "show the messages in slow motion", act: toggleSlowMotion },
+  { keys: ["."], text: "show the next message only", act: step },
+  { keys: ["l"], text: "back to the live calls", act: back },
+  { keys: ["1", "2", "3", "4"], text: "show the tab Calls, List, Nodes or Class", act: (event) => tabs.choose(tabs.tabs[Number(event.key) - 1]) },
   { keys: [" "], text: "play or pause a recording", act: () => (recording?.clock ? recording.setPlaying(!recording.isPlaying) : false) },
-  { keys: ["[", "]"], text: "one event back, forward in a recording", act: ({ key }) => recording?.step(key === "]" ? 1 : -1) },
-  { keys: ["t"], text: "light or dark", act: () => byId("theme").click() },
+  { keys: ["[", "]"], text: "previous, next event of a recording", act: ({ key }) => recording?.step(key === "]" ? 1 : -1) },
+  { keys: ["t"], text: "switch between light and dark", act: () => byId("theme").click() },
 ]);
 
-/** Replace the live stream by the recording that the server offers. */
+/** Stop the live stream, and load the recording that the server serves. */
 async function openRecording() {
   stream.stop();
   recording = new Recording(model, token);

@@ -1,4 +1,4 @@
-// The one place that holds what the page shows. Views read it; only events change it.
+// The state that the page shows. Views read it; only events change it.
 
 const CALLS = 2000; // most calls that are kept
 const CALL_AGE = 15; // seconds that an ended call is kept; longer than the lanes show
@@ -10,7 +10,7 @@ const DELAY = 0.15; // seconds that a recorded robot is drawn late, so that ther
 /** Return the shortest turn from one heading to another, in radians. */
 export const turnBetween = (from, to) => Math.atan2(Math.sin(to - from), Math.cos(to - from));
 
-/** The server's clock, as this tab knows it: it follows the least delayed event. */
+/** An estimate of the server's clock, from the event with the least delay. */
 class ServerClock {
   constructor() {
     this.offset = null; // seconds between the server's clock and performance.now()
@@ -45,7 +45,7 @@ export class Model {
     this.reset();
   }
 
-  /** Forget all state except the server's greeting: after a restart, or a jump in a recording. */
+  /** Forget all state except the `hello` event: after a restart, or a jump in a recording. */
   reset() {
     this.tasks = null;
     this.tasks_at = 0; // the server's time of the newest `tasks` event; estimates count from it
@@ -115,7 +115,7 @@ export class Model {
     if (t === null) this.clock.observe(data.t);
     this.robot = data;
     const last = this.poses.at(-1);
-    // After a rest, the robot must not glide through the whole time of the rest.
+    // After a rest, the robot must not move slowly through the whole rest.
     if (last && data.t - last.t > 0.5) this.poses.push({ ...last, t: data.t - 0.1 });
     this.poses.push(data);
     if (this.poses.length > POSES) this.poses.shift();
@@ -148,7 +148,7 @@ export class Model {
     for (const [id, call] of this.calls) {
       const ended = call.state === "open" ? Infinity : call.begin + (call.ms ?? 0) / 1000;
       if (this.calls.size > CALLS || ended < oldest) this.calls.delete(id);
-      else if (call.state !== "open") break; // all further ones are newer
+      else if (call.state !== "open") break; // all later ones are newer
     }
     if (this.new_calls.length > CALLS) this.new_calls.splice(0, this.new_calls.length - CALLS);
     this.skipped += data.skipped;
@@ -190,7 +190,7 @@ export class Model {
     return task.estimated_time - (runs ? (this.now() - this.tasks_at) * this.speed : 0);
   }
 
-  /** Return the completed part of the running task at this frame, 0 to 1. */
+  /** Return the completed part of the running task now, 0 to 1. */
   progress(task) {
     if (!(task.estimated_time > 0)) return task.progress;
     const left = Math.max(0, Math.min(1, this.timeLeft(task) / task.estimated_time));

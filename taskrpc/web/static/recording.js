@@ -1,11 +1,11 @@
-// Plays a recording on the page: a source of the same events as the live stream, and its time line.
+// Plays a recording: gives the model the events that a live stream has, and draws the time line.
 
 import { authorization } from "./connection.js";
 import { byId, element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import { duration, timeOfDay } from "./words.js";
 
 const SPEEDS = [0.1, 0.5, 1, 2, 5, 20];
-const BACK = { robot: 40, calls: 12, task: Infinity }; // seconds of earlier events that a jump applies, for the trail, the lanes and the results
+const BACK = { robot: 40, calls: 12, task: Infinity }; // seconds of earlier events that a jump applies
 
 /** Yields the lines of a response. */
 async function* lines(body) {
@@ -32,7 +32,7 @@ function after(events, t) {
   return low;
 }
 
-/** The clock of a recording: it runs from event to event at the chosen speed, and stands still when paused. */
+/** The clock of a recording: it runs from event to event at the chosen speed, and stops while paused. */
 class PlayerClock {
   constructor(begin) {
     this.t = begin;
@@ -64,7 +64,7 @@ export class Recording {
     // Without a task server there are only calls.
     if (!server.service) Object.assign(document.documentElement.dataset, { calls_only: "", part: "calls" });
     const response = await fetch("/recording", { headers: authorization(this.token) });
-    if (!response.ok) throw new Error(`the recording cannot be read: status ${response.status}`);
+    if (!response.ok) throw new Error(`The recording cannot be read: HTTP status ${response.status}. Run taskrpc view again.`);
     for await (const line of lines(response.body)) {
       const event = JSON.parse(line);
       if (event.event === "hello") continue;
@@ -85,7 +85,7 @@ export class Recording {
     this.range = element("input", { type: "range", id: "scrub", min: 0, max: 1000, value: 0, step: "any", "aria-label": "Time in the recording" });
     this.range.addEventListener("input", () => this.seek(this.begin + (Number(this.range.value) / 1000) * (this.end - this.begin)));
     this.time = element("output", { id: "recording_time", class: "recording_time" });
-    const speeds = element("select", { id: "recording_speed", "aria-label": "Speed of the play" }, ...SPEEDS.map((speed) => element("option", { value: speed, selected: speed === 1 }, `${speed} ×`)));
+    const speeds = element("select", { id: "recording_speed", "aria-label": "Playback speed" }, ...SPEEDS.map((speed) => element("option", { value: speed, selected: speed === 1 }, `${speed} ×`)));
     speeds.addEventListener("change", () => (this.speed = Number(speeds.value)));
     this.marks = element("div", { class: "marks", "aria-hidden": "true" });
     this.drawMarks();
@@ -120,7 +120,7 @@ export class Recording {
     this.play.title = playing ? "Pause" : "Play";
   }
 
-  /** Go to the next or the previous event that is more than a pose, and stand still there. */
+  /** Pause at the next or the previous event; events with only a pose do not count. */
   step(by) {
     this.setPlaying(false);
     const isStop = ({ event, t }) => event !== "robot" && (by > 0 ? t > this.clock.t + 1e-6 : t < this.clock.t - 1e-6);

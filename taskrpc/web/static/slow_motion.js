@@ -5,7 +5,7 @@ import { QUEUE, ROBOT, SERVER } from "./lanes.js";
 import { callText, meaning, milliseconds, shortName, taskText } from "./words.js";
 
 const PERIOD = 0.9; // seconds that each message takes at least
-const BACKLOG = 24; // most messages that wait; further calls are skipped, so that the play stays near the present
+const BACKLOG = 24; // most messages that wait; further calls are skipped, so that the drawing stays near the present
 const STEP = 11; // rem between two messages
 const KEPT = 16; // messages that stay in the drawing
 
@@ -15,7 +15,7 @@ export function messagesOf(call, service) {
   const name = call.service;
   const messages = [];
   const retry = call.attempt > 1 ? `retry ${call.attempt - 1}: ` : "";
-  if (call.attempt > 1) messages.push({ from: client, to: SERVER, lost: true, label: "no response", text: `${client} got no response to its attempt ${call.attempt - 1}, and tries again.` });
+  if (call.attempt > 1) messages.push({ from: client, to: SERVER, lost: true, label: "no response", text: `${client} got no response to its attempt ${call.attempt - 1}, and sends the request again.` });
   messages.push({ from: client, to: SERVER, label: retry + shortName(name, service), text: `${client} sends a request to ${name}${call.deadline_ms == null ? "" : `, with ${milliseconds(call.deadline_ms)} until its deadline`}.` });
   if (call.code === "DEADLINE_EXCEEDED") {
     messages.push({ from: SERVER, to: client, lost: true, tone: "bad", label: "deadline exceeded", text: `No response within ${milliseconds(call.deadline_ms ?? call.ms)}: the call ends with DEADLINE_EXCEEDED.` });
@@ -23,8 +23,8 @@ export function messagesOf(call, service) {
   }
   const isSubmission = call.task_id != null && name === service && call.state === "ok";
   if (isSubmission && !call.repeated) messages.push({ from: SERVER, to: QUEUE, label: `task ${call.task_id}`, text: `The server puts task ${call.task_id} into the queue.` });
-  if (call.state === "error") messages.push({ from: SERVER, to: client, tone: "bad", label: call.code, text: `The server answers ${call.code}: ${meaning(call.code) || "the call failed"}.` });
-  else messages.push({ from: SERVER, to: client, tone: call.repeated ? "violet" : "good", label: callText(call, 0), text: call.repeated ? `The server knows this request: it sends the stored answer, and executes nothing twice.` : `The server responds after ${milliseconds(call.ms)}.` });
+  if (call.state === "error") messages.push({ from: SERVER, to: client, tone: "bad", label: call.code, text: `The server responds with the error ${call.code}: ${meaning(call.code) || "the call failed"}.` });
+  else messages.push({ from: SERVER, to: client, tone: call.repeated ? "violet" : "good", label: callText(call, 0), text: call.repeated ? `The server knows this request: it sends the stored response, and does not execute the request again.` : `The server responds after ${milliseconds(call.ms)}.` });
   return messages;
 }
 
@@ -82,7 +82,7 @@ export class SlowMotion {
 
   update(changed) {
     if (this.mode === "live" || !changed.has("calls")) return;
-    // A whole call is shown or none of it: half a call teaches the wrong thing.
+    // Show all messages of a call or none: a part would be misleading.
     const ended = this.model.new_calls.filter((call) => call.state !== "open");
     for (const call of ended) {
       const messages = messagesOf(call, this.model.hello?.server.service);
@@ -103,7 +103,7 @@ export class SlowMotion {
     if (task) this.put([{ from: QUEUE, to: ROBOT, label: `task ${task.task_id}`, text: `The robot begins task ${task.task_id}: ${taskText(task)}.` }]);
   }
 
-  /** Play the next message now; in slow motion this stops the play. */
+  /** Play the next message now; in slow motion, also stop playing. */
   step() {
     this.setMode("stepping");
     if (!this.next()) setText(this.text, "No message waits. The next call appears here.");

@@ -1,4 +1,4 @@
-// Says in words how the connection is, shows the figures of the calls, and announces what ended.
+// Shows the state of the connection and the figures of the calls, and announces tasks that ended.
 
 import { byId, element, icon, setAttribute, setIcon, setText } from "./dom.js";
 import { duration, milliseconds, stateOf, taskText, timeOfDay } from "./words.js";
@@ -58,17 +58,17 @@ export class StatusView {
     setText(this.word, note && state === "live" ? `${word} · ${note} at ${timeOfDay(this.model.hello.server.started)}` : word);
     const seconds = Date.now() / 1000 - since;
     let banner = "";
-    if (state === "lost" && (seconds > 0.4 || !this.model.hello)) banner = `Connection lost since ${timeOfDay(since)} (${duration(Math.floor(seconds))}): ${text}. What you see is from then. The page reconnects by itself.`;
+    if (state === "lost" && (seconds > 0.4 || !this.model.hello)) banner = `Connection lost since ${timeOfDay(since)} (${duration(Math.floor(seconds))}): ${text}. The page shows the state of that time, and reconnects by itself.`;
     if (state === "refused") banner = text;
     if (state === "recording") banner = this.model.hello.recording.problem;
-    if (state === "asleep") banner = `This page sleeps since ${timeOfDay(since)}, because its tab was hidden.`;
+    if (state === "asleep") banner = `This page has been asleep since ${timeOfDay(since)}, because its tab was hidden.`;
     setText(this.banner, banner);
     this.banner.hidden = !banner;
   }
 
   showStats() {
     const isStale = ["lost", "asleep"].includes(this.model.connection.state);
-    const stats = isStale ? {} : this.model.stats; // a figure that stands still would look live
+    const stats = isStale ? {} : this.model.stats; // a figure that does not change would look live
     const texts = { per_second: stats.per_second?.toFixed(stats.per_second < 10 ? 1 : 0), p50_ms: milliseconds(stats.p50_ms), p99_ms: milliseconds(stats.p99_ms), errors: stats.errors, open: stats.open };
     for (const [name, node] of Object.entries(this.stats)) setText(node, String(texts[name] ?? "–"));
     setAttribute(this.stats.errors, "data-tone", stats.errors ? "bad" : null);

@@ -6,7 +6,7 @@ import { difference, duration, plural, stateOf, taskText, timeOfDay, wholeSecond
 const REASON = 3000; // milliseconds that a reason stays beside a task that moved
 const EXAMPLE = "taskrpc-call /robot_task task_type=move target=warehouse priority=8";
 
-/** Return a state as shape, word and colour. */
+/** Return a state as an icon with a word and a colour. */
 export function stateBadge(state) {
   const { word, tone } = stateOf(state);
   return element("span", { class: "state", "data-tone": tone, "data-state": state }, icon(state), element("span", {}, word));
@@ -42,7 +42,7 @@ class NowView {
     this.card.hidden = !task;
     this.idle.hidden = Boolean(task);
     if (this.root.dataset.task !== String(task?.task_id)) {
-      this.fill = element("div"); // a new one, that does not glide back from the end
+      this.fill = element("div"); // a new one, because the old one would slide back from the end
       this.bar.replaceChildren(this.fill);
     }
     setAttribute(this.root, "data-task", task?.task_id);
@@ -104,7 +104,7 @@ class Row {
     setAttribute(this.up, "disabled", task.priority >= 10 ? "" : null);
     setAttribute(this.down, "disabled", task.priority <= 1 ? "" : null);
     const late = task.estimated_time - task.accepted_estimate;
-    setAttribute(this.estimate, "title", `accepted with ${duration(task.accepted_estimate)}${Math.abs(late) > 0.05 ? `; now ${difference(late)}` : ""}`);
+    setAttribute(this.estimate, "title", `first estimate ${duration(task.accepted_estimate)}${Math.abs(late) > 0.05 ? `; now ${difference(late)}` : ""}`);
   }
 
   explain(move) {
@@ -164,7 +164,7 @@ class QueueView {
       node.classList.remove("dragged");
       node.style.transform = "";
       if (priority === null) return;
-      this.dropped = true; // the click that follows is no wish for the details
+      this.dropped = true; // the click event that follows must not open the details
       setText(row.priority, String(row.task.priority));
       if (priority !== row.task.priority) act("reprioritise", { task_id: row.task.task_id, priority });
     };
@@ -218,7 +218,7 @@ class QueueView {
     this.frame();
   }
 
-  /** Bring the rows into the queue's order; rows slide from their old places. */
+  /** Bring the rows into the order of the queue; rows slide from their old places. */
   arrange(queue, fresh) {
     const focus = document.activeElement?.closest?.("#queue .row");
     const height = this.rowHeight ?? 0;
@@ -251,7 +251,7 @@ class QueueView {
     for (const move of [...moves].reverse()) {
       if (move.t <= known) continue;
       this.explained = Math.max(this.explained, move.t);
-      // Old reasons are no news: after a reconnection, or a jump in a recording.
+      // After a reconnection, or a jump in a recording, the reasons are old: do not show them.
       if (fresh || this.model.now() - move.t >= REASON / 1000) continue;
       this.rows.get(move.task_id)?.explain(move);
       setText(this.cause, move.cause);
@@ -310,7 +310,7 @@ class DoneView {
   }
 }
 
-/** All of the tasks panel. */
+/** The whole panel of the tasks. */
 export class TasksView {
   constructor(model, open, act) {
     this.now = new NowView(model, open);
@@ -332,7 +332,7 @@ export class TasksView {
     this.done.update(changed);
   }
 
-  /** Count the numbers down; a few times a second is enough. */
+  /** Update the times that count down; a few times a second is enough. */
   tick() {
     this.queue.frame();
   }

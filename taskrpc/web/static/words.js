@@ -1,4 +1,4 @@
-// Turns values into the words that the page shows: durations, times of day, states, errors.
+// Turns values into the text that the page shows: durations, times of day, states, errors.
 
 /** The states of a task, with their word and tone; each has an icon of the same name. */
 export const STATES = {
@@ -14,7 +14,7 @@ export const STATES = {
 
 export const stateOf = (state) => STATES[state] ?? { word: state, tone: "quiet" };
 
-/** What an error code of a call means, in one sentence. */
+/** What an error code of a call means. */
 const CODES = {
   DEADLINE_EXCEEDED: "no response before the deadline",
   PERMISSION_DENIED: "the caller's role does not allow it",
@@ -33,7 +33,7 @@ const clock = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-dig
 /** Return the time of day of seconds since 1970: `14:03:07`. */
 export const timeOfDay = (t) => clock.format(t * 1000);
 
-/** Return a duration in seconds: `3.6 s`, `2 min 5 s`, `1 h 2 min`. */
+/** Return a duration of some seconds as text: `3.6 s`, `2 min 5 s`, `1 h 2 min`. */
 export function duration(seconds) {
   const s = Math.max(0, seconds);
   if (s < 9.95) return `${s.toFixed(1)} s`;
@@ -63,12 +63,12 @@ export const taskText = (task) => `${task.task_type} ${task.target}`;
 
 export const plural = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
 
-/** Return the name of a service, without that of the server's tasks at its beginning. */
+/** Return `/list` for `/robot_task/list`, and the whole name of other services. */
 export const shortName = (name, service) => (service && name.startsWith(`${service}/`) ? name.slice(service.length) : name);
 
 /** Return how a call ended, as a short text: `0.31 ms`, `DEADLINE_EXCEEDED after 2.0 s`. */
 export function callText(call, now) {
-  const extra = (call.attempt > 1 ? ` · retry ${call.attempt - 1}` : "") + (call.repeated ? " · stored answer" : "");
+  const extra = (call.attempt > 1 ? ` · retry ${call.attempt - 1}` : "") + (call.repeated ? " · stored response" : "");
   if (call.state === "open") {
     const limit = call.deadline_ms == null ? "" : ` of ${milliseconds(call.deadline_ms)}`;
     return `open ${duration(now - call.begin)}${limit}${extra}`;
@@ -77,9 +77,9 @@ export function callText(call, now) {
   return `${milliseconds(call.ms)}${extra}`;
 }
 
-/** Say what an HTTP status means for this page. */
+/** Return the sentence for an HTTP status that refuses this page. */
 export function refusal(status, message) {
-  if (status === 401) return "The server wants a token. Open the page with the command: taskrpc view";
-  if (status === 403) return `The server refused this page: ${message || "it is open under another address"}`;
+  if (status === 401) return "This page has no valid token. Open the page with the command: taskrpc view";
+  if (status === 403) return `The server refused this page: ${message || "its address is not one of the server's names"}`;
   return `The server answered with status ${status}${message ? `: ${message}` : ""}`;
 }
