@@ -141,8 +141,9 @@ class WebServer:
         self._may_look = may_look
         if not is_loopback(self._host) and (self._tls is None or may_look is None):
             raise CannotListen(
-                f"cannot show pages at {self._host}: beyond this machine's own addresses"
-                " (127.0.0.1, localhost, ::1) a certificate (tls) and a token are needed"
+                f"cannot serve pages at {self._host} without a certificate and a token, because"
+                " other machines can reach this address; give --tls-cert, --tls-key and"
+                " --token-file (in Python tls and may_look), or listen at 127.0.0.1"
             )
         self._server: web.Server | None = None
         self._places = Places()

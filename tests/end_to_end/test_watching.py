@@ -120,7 +120,7 @@ def test_health_and_metrics_are_served_from_start_to_exit(start, capsys):
 def test_pages_outside_this_machine_need_tls_and_a_token():
     code, said = refused("--web", "0.0.0.0:0")
     assert code == 1
-    assert "cannot show pages at 0.0.0.0: beyond this machine's own addresses" in said
+    assert "cannot serve pages at 0.0.0.0 without a certificate and a token" in said
 
 
 def test_missing_aiohttp_error_names_the_install_command(tmp_path):

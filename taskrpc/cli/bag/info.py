@@ -147,7 +147,8 @@ def sequence(options: argparse.Namespace) -> Exit:
     services = [quoting.expanded(name) for name in options.services]
     text = diagram(recording, limit=options.limit, services=services)
     if not text:
-        raise NotFound(f"{options.file} has no calls of services to draw")
+        named = f" of {', '.join(services)}" if services else ""
+        raise NotFound(f"{options.file} has no calls{named}; taskrpc bag info lists its services")
     print(text, end="", flush=True)
     if recording.problem:
         print(f"WARNING: {recording.problem}", file=sys.stderr)

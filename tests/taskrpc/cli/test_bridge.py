@@ -44,7 +44,7 @@ async def _received(url, process):
     ("options", "status", "problem"),
     [
         (["--listen", "9090"], 2, "argument --listen: expected HOST:PORT"),
-        (["--listen", "0.0.0.0:0"], 1, "a certificate (tls) and a token are needed"),
+        (["--listen", "0.0.0.0:0"], 1, "without a certificate and a token"),
         (["--allow-origin", "lab:8000"], 2, "expected an origin such as http://lab.local:8000"),
         (["--allow-origin", "http://lab/page"], 2, "expected an origin such as"),
         (["--token-file", "missing"], 1, "--token-file missing: "),

@@ -187,7 +187,7 @@ async def test_a_body_that_cannot_be_decoded_logs_no_traceback(web, caplog):
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1"])
 @pytest.mark.parametrize("secret", [None, "token".__eq__])
 def test_without_tls_and_a_token_it_listens_on_this_machine_only(host, secret):
-    with pytest.raises(taskrpc.CannotListen, match=r"a certificate \(tls\) and a token are needed"):
+    with pytest.raises(taskrpc.CannotListen, match="without a certificate and a token"):
         WebServer({}, listen=f"{host}:0", may_look=secret)
 
 

@@ -59,7 +59,7 @@ def test_sequence_is_a_mermaid_diagram(bag, recording):
 def test_sequence_without_calls_is_a_mistake(bag, recording):
     code, out, err = bag("sequence", recording, "--services", "/other")
     assert (code, out) == (1, "")
-    assert err == f"{recording} has no calls of services to draw\n"
+    assert err == f"{recording} has no calls of /other; taskrpc bag info lists its services\n"
 
 
 def test_names_from_a_file_cannot_control_the_terminal(bag, tmp_path):
