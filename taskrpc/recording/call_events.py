@@ -17,7 +17,7 @@ from taskrpc.tasks.page_events import MAX_NODES, client_label
 MAX_CALLS = 100
 """The most calls of one event, as on the live page."""
 MOST_CALLS = 25_000
-"""The most calls that succeeded, and as many with an error; a regular part of more is shown."""
+"""Most calls that succeeded, and most calls with an error; of more, every n-th is shown."""
 
 _PERIOD = 0.2  # seconds between two `calls` events
 _SLOW = 0.05  # seconds after which a call is shown although it has not ended
@@ -29,7 +29,7 @@ _MOST_PAIRS = 10 * MAX_NODES
 def call_events(calls: Sequence[RecordedCall]) -> Iterator[TimedEvent]:
     """Yield the calls when they end; long and open calls also when they begin.
 
-    `calls` are in the order of their begins. The statistics count all of them.
+    `calls` are ordered by their start. The statistics count all of them.
     """
     statistics = _Statistics()
     batch: list[dict[str, Any]] = []
@@ -74,7 +74,7 @@ def graph_events(
 
 
 def _moments(calls: Sequence[RecordedCall]) -> Iterator[tuple[float, int, RecordedCall, bool]]:
-    """Yield the begins and the ends that are shown, in order: time, number, call, whether it ends.
+    """Yield the starts and ends that are shown, in order: time, number, call, whether it ends.
 
     Only the calls that are open at one time are in memory twice.
     """
@@ -92,13 +92,13 @@ def _moments(calls: Sequence[RecordedCall]) -> Iterator[tuple[float, int, Record
 
 
 class _Selection:
-    """The calls that are shown: all of a usual recording, a regular part of a very long one."""
+    """The calls that are shown: all calls, or every n-th call of a very long recording."""
 
     def __init__(self, calls: Sequence[RecordedCall]) -> None:
         counts = Counter(bool(call.code) for call in calls)
         self._strides = {kind: math.ceil(count / MOST_CALLS) for kind, count in counts.items()}
         self.events = 0
-        """The begins and ends since the last event, with those that are not shown."""
+        """The starts and ends since the last event, also of calls that are not shown."""
 
     def has(self, number: int, call: RecordedCall) -> bool:
         return number % self._strides[bool(call.code)] == 0

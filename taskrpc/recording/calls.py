@@ -74,7 +74,7 @@ class RecordedCall(msgspec.Struct):
 
 
 class CallReader:
-    """Collects the calls from the messages of a recording, in the order of their begins.
+    """Collects the calls from the messages of a recording, in the order of their start.
 
     Args:
         texts: whether to keep the fields of requests and responses.
@@ -108,7 +108,7 @@ class CallReader:
         if found is None:
             call = RecordedCall(self._name(end.service), end.number, end.began)
             self.calls.append(call)
-        else:  # nothing more will be about this call
+        else:  # no later message belongs to this call
             call, gid = found
             self._open.pop((end.service, end.number, gid), None)
         call.client, call.account = self._name(end.client), self._name(end.account)
@@ -164,7 +164,7 @@ class CallReader:
 
 
 def calls_of(recording: Recording) -> list[RecordedCall]:
-    """Return the calls of a recording, in the order of their begins."""
+    """Return the calls of a recording, in the order of their start."""
     reader = CallReader()
     for message in recording.messages(keep=is_about_calls):
         reader.take(message)
@@ -172,7 +172,7 @@ def calls_of(recording: Recording) -> list[RecordedCall]:
 
 
 def is_about_calls(topic: Topic) -> bool:
-    """Return whether a topic tells about calls."""
+    """Return whether a topic has events or ends of calls."""
     return topic.name == CALLS_TOPIC or is_event(topic.type_name)
 
 

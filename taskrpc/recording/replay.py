@@ -152,7 +152,7 @@ class RobotReplay:
         self._written.clear()
         self.task: Task | None = None
         """The task that the robot executes, or has executed last."""
-        self._odometer = 0.0  # at the begin of the task
+        self._odometer = 0.0  # when the task begins
         robot = KinematicRobot(self.world, start=start.standing.pose, limits=start.limits)
         self._robot = robot
 

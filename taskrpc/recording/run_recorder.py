@@ -47,7 +47,7 @@ _KEPT_GIDS = 4096
 
 
 class RunRecorder:
-    """Records one run into a new file. If the disk refuses it, the server runs on without it.
+    """Records one run into a new file. If the disk fails, the server continues without recording.
 
     Args:
         path: the file, which must not exist.
@@ -75,7 +75,7 @@ class RunRecorder:
         """The last written values of the tasks that have not ended."""
         self._paused = False
         self._progress_at = 0
-        """When a progress was last written, in nanoseconds since 1970."""
+        """When the progress was last written, in nanoseconds since 1970."""
 
     @property
     def writer(self) -> RecordingWriter:
@@ -119,7 +119,7 @@ class RunRecorder:
         try:
             self._writer.close()
         except RecordingError as error:
-            if was_open:  # otherwise the log says it already
+            if was_open:  # otherwise the log has the error already
                 log.error("%s", error)
 
     def write(self, topic: int, data: bytes) -> None:
@@ -180,7 +180,7 @@ class CallRecorder(Observer):
         self._topics: dict[str, _ServiceTopic] = {}
         """The topic of each service, by the service's name."""
         self._ends: int | None = None
-        """The topic's number of the ends of calls."""
+        """The number of `CALLS_TOPIC` in the file."""
         self._gids: dict[str, list[int]] = {}
         self._tasks: dict[int, int] = {}
         """The tasks that open calls are about, by the number of the call."""

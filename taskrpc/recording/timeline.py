@@ -43,7 +43,7 @@ class Timeline:
 
     Args:
         recording: the file; recordings without decisions have only `hello`, `calls` and `graph`.
-        mistake: what else is wrong with it, as a sentence.
+        mistake: another problem of the recording, as a sentence.
 
     Raises:
         RecordingError: the recording cannot be read, or has no message.

@@ -25,7 +25,7 @@ _MAX_FRAGMENTS = 10_000
 _FRAGMENT_TIMEOUT = 60.0
 """Seconds after its first fragment until an incomplete message is dropped."""
 _LEAST_FRAGMENT = 64
-"""Fewest characters in a fragment that this side sends: each has an envelope of its own."""
+"""Fewest characters in a sent fragment: each fragment also has the fields `op`, `id` and so on."""
 _MAX_QUEUE = 1_000
 """Most messages that a throttled subscription keeps."""
 
@@ -49,7 +49,7 @@ class BadOperation(Exception):
 
 
 class Operation(msgspec.Struct, tag_field="op", kw_only=True):
-    """What a client asks for; each subclass is one `op`."""
+    """An operation that a client sends; each subclass is one `op`."""
 
     id: Id = None
 
@@ -85,7 +85,7 @@ class Subscribe(Operation, tag="subscribe"):
     throttle_rate: _Number = None
     """Milliseconds between two messages."""
     queue_length: _Number = None
-    """Messages that wait for their turn; without a queue, early messages are dropped."""
+    """Most messages that wait; with 0, messages that come too early are dropped."""
     fragment_size: _Number = None
     """Characters above which a message is sent in fragments."""
     compression: _Name | None = None

@@ -1,7 +1,7 @@
 """The services of rosapi: what runs on the network, definitions of types, parameters, the time.
 
-Only clients of the bridge can call them. They are not offered on the network, so that several
-bridges can run side by side.
+Only clients of the gateway can call them. They are not offered on the network, so that several
+gateways can run at the same time.
 """
 
 from __future__ import annotations

@@ -160,9 +160,10 @@ class _ClientConnection:
     def _send_now(self, text: str) -> None:
         """Write a text at once; waking the writer costs a call one more turn of the event loop."""
         sending = self._socket.send_str(text)
-        with contextlib.suppress(ConnectionError, StopIteration):  # the latter: it is written
+        with contextlib.suppress(ConnectionError, StopIteration):  # StopIteration: it is written
             sending.send(None)
-            # It is written too, and waits for the client to read. The writer does so next time.
+            # `send_str` has written the text, and now waits until the client has read. Do not wait
+            # here: the next text goes to the writer, which does.
             sending.close()
 
     async def _write(self) -> None:

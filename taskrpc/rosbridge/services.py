@@ -20,7 +20,7 @@ Send: TypeAlias = Callable[[Mapping[str, Any]], object]
 """Sends an operation to the client."""
 
 _KEPT_CLIENTS = 512
-"""Services to which the bridge keeps a client; the ones used least recently are closed."""
+"""Services for which the gateway keeps a client; it closes the ones used least recently."""
 _MAX_OPEN = 64
 """Calls of one offered service that wait for the client's response; later ones queue up."""
 
@@ -144,7 +144,7 @@ class OfferedService:
         try:
             future.set_result(from_json(self._response, values))
         except srvgen.FieldError as error:
-            problem = f"the client of the bridge sent an invalid response: {error}"
+            problem = f"the rosbridge client of the service sent an invalid response: {error}"
             future.set_exception(HandlerError(Code.INTERNAL, problem))
             raise
 

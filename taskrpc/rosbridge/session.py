@@ -1,4 +1,4 @@
-"""One client of rosbridge: carries out its operations, and sends what it is to get."""
+"""One client of rosbridge: carries out its operations, and sends it responses and messages."""
 
 from __future__ import annotations
 
@@ -142,7 +142,8 @@ class Session:
             raise
         except Exception:
             log.exception("the operation %s of a client failed", name)
-            raise BadOperation(f"{name}: it failed; see the log", operation.id) from None
+            problem = f"{name}: the gateway failed to do it; see its log"
+            raise BadOperation(problem, operation.id) from None
 
     def drained(self) -> None:
         """Continue with the topics, after the client has read what it had got."""

@@ -16,7 +16,7 @@ from taskrpc.rosbridge.types import message_class
 from taskrpc.rosbridge.values import Stamp, from_json, to_json
 
 _MAX_DEPTH = 1_000
-"""Most messages that the bridge keeps for one topic of one client."""
+"""Most messages that the gateway keeps for one topic of one client."""
 _MAX_RATE = 3_600_000
 """Most milliseconds between two messages of a throttled topic."""
 _MAX_IDS = 256

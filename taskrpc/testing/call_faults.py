@@ -60,7 +60,7 @@ class CallFaults:
 
     def _serve(self, serve: Callable[[IncomingCall], None], incoming: IncomingCall) -> None:
         call = cast("_FaultyCall", incoming)
-        if call.is_decided:  # it had to wait for room, and comes again
+        if call.is_decided:  # the call waited for a free place, and arrives here again
             serve(call)
             return
         call.is_decided = True
@@ -73,12 +73,12 @@ class CallFaults:
             _report(call, fault)
         match fault.kind:
             case FaultKind.LOSE_REQUEST:
-                call.started = True  # otherwise its caller would learn that it surely did not run
+                call.started = True  # otherwise the caller would learn that the call did not run
             case FaultKind.BUSY:
                 problem = f"an injected fault: {call.service} is busy"
                 call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
             case FaultKind.SLOW:
-                call.started = True  # as a slow handler: at a timeout, nobody knows what it did
+                call.started = True  # as in a slow handler: after a timeout, the outcome is unknown
                 timer = call.connection.owner.loop.call_later(
                     fault.seconds, self._begin, serve, call
                 )
@@ -114,7 +114,7 @@ class _FaultyCall(ObservedCall, eq=False, kw_only=True):
         if fault is None or self.ended:
             super().reply(response, body)
             return
-        self.started = True  # its caller must not learn that it surely did not run
+        self.started = True  # the caller must not learn that the call did not run
         loop = self.connection.owner.loop
         _report(self, fault)
         if fault.kind is FaultKind.DELAY_RESPONSE:

@@ -1,4 +1,4 @@
-"""The faults of calls, as `taskrpc-server --fault` names them, and which call gets which; pure.
+"""The faults of calls, as `taskrpc-server --fault` names them, and the choice of the calls; pure.
 
 A specification is a kind, a colon, and parts that commas separate: `lose-response:first=1`,
 `delay-response:0.5s`, `busy:0.2,seed=7`, `slow:2s,service=/robot_task/list`.
@@ -74,7 +74,7 @@ class Fault(msgspec.Struct, frozen=True):
     share: float = 1.0
     """The share of the calls that get it, above 0 and at most 1."""
     first: int | None = None
-    """Only so many first calls can get it; None: all calls."""
+    """How many calls can get it, from the first one on; None: all calls."""
     service: str = ""
     """The absolute name of the service; "" for every service."""
     seed: int = 0

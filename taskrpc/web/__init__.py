@@ -2,7 +2,8 @@
 
 Start with `server`, the only module that imports aiohttp. `pages` makes the pages for monitoring
 and reads the files of the live page; `live`, `calls` and `graph` make its events, `streams` sends
-them, and `control` answers its buttons. `guard`, `tokens` and `peers` decide who may do what.
+them, and `control` makes the calls of its buttons. `guard`, `tokens` and `peers` decide which user
+may do what.
 Metrics themselves are in `taskrpc.metrics`.
 """
 

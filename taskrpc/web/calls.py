@@ -29,16 +29,19 @@ MAX_DURATIONS = 1000
 MAX_REQUESTS = 4096
 """Request ids that are remembered to count attempts."""
 MAX_CALLERS = 100
-"""Callers that are remembered, and accounts with a count of their own times ten."""
+"""Callers that are remembered; ten times as many accounts have a count of their own."""
 CALLER_SECONDS = 60.0
 """Seconds for which a caller is shown after its last call."""
 RATE_SECONDS = 3.0
 """Seconds over which calls per second are measured."""
 
 EARLY = 0.01
-"""Seconds before the deadline from which a cancelled call counts as late: the two clocks differ."""
+"""A call that is cancelled so many seconds before its deadline, or later, counts as expired.
 
-_WAITING_SERVICES = ("/watch",)  # their calls wait on purpose: their durations say nothing
+The clocks of the caller and of the server differ by less.
+"""
+
+_WAITING_SERVICES = ("/watch",)  # their calls wait on purpose, so their durations do not count
 
 
 class ShownCall(msgspec.Struct):
@@ -62,7 +65,7 @@ class ShownCall(msgspec.Struct):
     attempt: int = 1
     """From 1, as far as the server knows: only requests with a request id can be recognised."""
     repeated: bool = False
-    """Whether the request was answered without running again."""
+    """Whether the request got the stored response, without running again."""
     task_id: int | None = None
     """The task that the call is about."""
 
@@ -101,7 +104,7 @@ class AccountCalls(msgspec.Struct):
 
 
 class ObservedRequest(Protocol):
-    """What an observed call of an exactly-once service has besides `CallInfo`."""
+    """The attributes of an exactly-once call that `CallInfo` does not have."""
 
     received_id: ReceivedId | None
     request: Any

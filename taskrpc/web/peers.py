@@ -2,7 +2,7 @@
 
 Linux shows the user of every socket to every process, in `/proc/net/tcp`. Python's standard library
 has no call for this on macOS and Windows. The functions of these systems could be called through
-ctypes, but do not give the answer: Windows names the process of a connection, and hides the user of
+ctypes, but do not report the user: Windows names the process of a connection, and hides the user of
 processes that belong to others. So a virus scanner that passes the browser's connection on would
 look like another user, and would lock the user out. macOS documents no function for it. On these
 systems, the token of the link for control protects what the page can change; what the page shows,

@@ -1,7 +1,7 @@
-"""Decides which connections of the web server stay open, and which make room for new ones.
+"""Decides which connections of the web server stay open, and which are closed for new ones.
 
-A browser sends its request right after it connects. A connection that sends none holds a place for
-nothing. So new connections take the places of the oldest connections whose request is unfinished.
+A browser sends its request right after it connects. A connection without a request only uses up a
+place. So new connections take the places of the oldest connections whose request is unfinished.
 A new connection keeps its place for a moment, because many pages may connect at one instant. Event
 streams and WebSockets hold no place: they have limits of their own.
 """

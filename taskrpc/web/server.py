@@ -33,7 +33,7 @@ log = logging.getLogger("taskrpc.web")
 REQUEST_TIMEOUT = 10.0
 """Seconds for one request and its response; then the connection is closed."""
 RECORDING_TIMEOUT = 120.0
-"""The same for a recording, which a slow computer reads event by event."""
+"""Seconds for the request and the response of a recording; a slow computer reads it slowly."""
 EVERYWHERE = ("0.0.0.0", "::", "")
 """The hosts with which a server listens at all addresses; no browser can open them."""
 _END_GRACE = 0.1
@@ -57,7 +57,7 @@ RETRY_AFTER = "5"
 _BUSY = "too many requests arrive at the same time; try again in some seconds\n"
 
 Upgrade: TypeAlias = Callable[[web.BaseRequest], Awaitable[web.StreamResponse]]
-"""Answers a request for a WebSocket at `/`; it returns when the WebSocket is closed."""
+"""Serves a request for a WebSocket at `/`; it returns when the WebSocket is closed."""
 
 
 class Events(Protocol):
@@ -92,9 +92,9 @@ class LivePage(msgspec.Struct, frozen=True, eq=False):
     events: Events
     """What they show."""
     control: Control | None = None
-    """Their buttons; None for a page that only shows."""
+    """Their buttons; None for a read-only page."""
     recording: RecordedEvents | None = None
-    """What `/recording` has; None for the page of a running server."""
+    """The recording that `/recording` serves; None for the page of a running server."""
 
 
 class WebServer:
@@ -327,8 +327,8 @@ async def _shown(path: str, show: Callable[[], Awaitable[Page]]) -> Page:
     try:
         return await show()
     except Exception:
-        log.exception("the page %s cannot be shown", path)
-        return Page("this page cannot be shown; see the server's log\n", status=500)
+        log.exception("the page %s could not be made", path)
+        return Page("the server could not make this page; see its log\n", status=500)
 
 
 def _task(live: LivePage, number: str) -> Page:
@@ -458,7 +458,7 @@ class _Connection(web.RequestHandler):
         self._tab = tab
         if tab is not None and self._writing is not None:
             self._writing.set_write_buffer_limits(high=UNREAD_BYTES)
-            if sock := self._writing.get_extra_info("socket"):  # no megabytes of outdated events
+            if sock := self._writing.get_extra_info("socket"):  # keep few outdated events
                 with contextlib.suppress(OSError):  # the page may be closed already
                     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_BYTES)
 

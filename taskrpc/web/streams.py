@@ -25,7 +25,7 @@ MAX_CALLS = 100
 MAX_UNREAD_SECONDS = 30.0
 """Seconds after which a tab that does not read is closed."""
 SIGN_OF_LIFE = 10.0
-"""Seconds between two comment lines, from which a tab knows that the connection lives."""
+"""Seconds between two comment lines, by which a tab recognises a lost connection."""
 UNREAD_BYTES = 65_536
 """Unread bytes of a tab from which on its events wait in its buffer."""
 
@@ -67,7 +67,7 @@ def framed(name: str, json: bytes) -> bytes:
 
 
 class TabBuffer:
-    """The events that a tab has not got: the newest state of each name, and the newest calls."""
+    """The events that a tab has not received: the newest state of each name, the newest calls."""
 
     def __init__(self) -> None:
         self._states: dict[str, Event] = {}
@@ -225,7 +225,7 @@ class LiveStream:
                 self.source.end()
 
     def _live_on(self) -> None:
-        """Show all tabs that the connection lives, and close those that do not read."""
+        """Send a comment line to all tabs, and close the tabs that do not read."""
         loop = asyncio.get_running_loop()
         self._timer = loop.call_later(SIGN_OF_LIFE, self._live_on)
         comment = chunk(b":\n\n")

@@ -13,7 +13,7 @@ from taskrpc.security.roles import Role, account_of
 
 
 class Holder(msgspec.Struct, frozen=True):
-    """For whom a request changes something."""
+    """The user for whom a request changes something."""
 
     account: str
     """The account, "" for the server's own user."""
@@ -24,7 +24,7 @@ class Holder(msgspec.Struct, frozen=True):
 
     @property
     def may_control(self) -> bool:
-        """Whether any service that changes something accepts the holder; `OBSERVE` only sees."""
+        """Whether the role of the holder may change anything; `OBSERVE` may not."""
         return self.role > Role.OBSERVE
 
 
@@ -48,12 +48,12 @@ class Tokens:
         self._accounts = accounts
 
     def may_look(self, given: str, *, of_links: bool = True) -> bool:
-        """Return whether a token allows to see the pages; `of_links`: tokens of links are valid."""
+        """Return whether a token is valid for the pages; `of_links`: tokens of links count too."""
         is_view = of_links and _is_same(given, self.view)
         return is_view or self.holder(given, of_links=of_links) is not None
 
     def holder(self, given: str, *, of_links: bool = True) -> Holder | None:
-        """Return for whom a token allows to change something, None if it allows nothing."""
+        """Return the user for whom a token allows changes, None if it allows none."""
         if (of_links and _is_same(given, self.control)) or (
             self._server and _is_same(given, self._server)
         ):

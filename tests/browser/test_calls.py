@@ -15,7 +15,7 @@ _MOVED = "return new DOMMatrix(getComputedStyle(document.querySelector('.moving'
 
 
 @pytest.mark.slow
-def test_page_says_again_that_there_is_no_call_when_the_last_one_has_left(
+def test_page_shows_the_note_without_calls_again_when_the_last_call_has_left(
     start_server, services, open_page
 ):
     page = open_page(start_server())

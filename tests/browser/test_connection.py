@@ -68,7 +68,7 @@ def test_control_page_can_only_show_after_a_restart(start_server, services, open
     services.call("/resume")
 
 
-def test_ending_server_says_goodbye(start_server, open_page, tabs):
+def test_page_shows_why_the_server_ends(start_server, open_page, tabs):
     server = start_server()
     page = open_page(server)
     tabs.expect(*REFUSED)

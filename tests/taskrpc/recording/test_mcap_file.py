@@ -120,7 +120,7 @@ def test_any_damage_is_one_sentence_and_never_another_error(tmp_path_factory, da
         (b"#ROSBAG V2.0\n", "expected an MCAP file; it is a bag of ROS 1"),
     ],
 )
-def test_foreign_file_is_refused_with_what_it_is(tmp_path, content, problem):
+def test_error_names_the_format_of_a_file_that_is_no_recording(tmp_path, content, problem):
     (tmp_path / "x").write_bytes(content)
     with pytest.raises(RecordingError, match=problem):
         Recording(tmp_path / "x")
@@ -210,7 +210,7 @@ def test_messages_in_chunks_are_read(tmp_path, compression):
         (2**62, "a chunk of 4,611,686,018,427,387,904 bytes; expected at most 268,435,456"),
     ],
 )
-def test_chunk_that_expands_to_more_than_it_says_takes_no_memory(
+def test_chunk_that_expands_beyond_its_declared_size_takes_no_memory(
     tmp_path, compression, size, problem
 ):
     bomb = chunk(compression, bytes(2**26), size)

@@ -193,7 +193,7 @@ async def test_contradictory_decision_ends_the_queue_and_is_named(recorded_run):
     assert named(timeline, "calls")
 
 
-def test_recording_without_decisions_says_what_the_page_lacks(tmp_path):
+def test_problem_of_a_recording_without_decisions_names_the_missing_parts(tmp_path):
     writer = RecordingWriter(tmp_path / "a.mcap")
     topic = writer.add_topic("/add/_service_event", ADD_EVENT, schema_text(ADD_EVENT, search()))
     event = service_event(Add, "REQUEST_SENT", START, [1] * 16, 1, request=Add.Request(a=1))

@@ -165,7 +165,7 @@ async def test_slow_subscriber_gets_the_newest_message_when_it_reads_again(web, 
                 last = (await asyncio.wait_for(socket.receive_json(), 60))["msg"]["data"]
 
 
-async def test_end_of_the_server_is_told_to_each_client_also_if_one_does_not_read(http):
+async def test_ending_server_sends_a_close_frame_to_each_client_also_if_one_does_not_read(http):
     def tell(request, response):
         response.message = "x" * 8_000_000
         return response

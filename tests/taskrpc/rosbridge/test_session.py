@@ -138,7 +138,7 @@ async def test_one_client_has_a_limited_number_of_calls_and_others_are_served(mo
         assert (await other.call("/add", [1, 1]))["result"] is True
 
 
-async def test_calls_of_rosapi_leave_turns_to_other_programs(monkeypatch):
+async def test_few_calls_of_rosapi_run_in_one_turn_of_the_event_loop(monkeypatch):
     turns = []
 
     async def note_the_turn(verb, args):
@@ -218,7 +218,9 @@ async def test_wrong_operation_gets_an_error_status_and_the_session_goes_on():
         assert (await client.call("/add", [1, 1]))["result"] is True
 
 
-async def test_unexpected_error_is_logged_and_told_without_details(monkeypatch, caplog):
+async def test_client_gets_no_details_of_an_unexpected_error_and_the_log_gets_them(
+    monkeypatch, caplog
+):
     async def broken(node):
         raise RuntimeError("secret")
 
@@ -226,7 +228,7 @@ async def test_unexpected_error_is_logged_and_told_without_details(monkeypatch, 
     async with connected() as (_, client):
         await client.send("subscribe", topic="/x", type="std_msgs/String", id="s")
         found = await client.next()
-        assert found["msg"] == "subscribe: it failed; see the log"
+        assert found["msg"] == "subscribe: the gateway failed to do it; see its log"
         assert found["id"] == "s"
     assert "RuntimeError: secret" in caplog.text
 
@@ -332,7 +334,7 @@ def test_any_operations_leave_the_session_working(operations):
             for operation in operations:
                 await client.session.receive(json.dumps(operation))
             told = [each["msg"] for each in client.sent if each["op"] == "status"]
-            assert not [each for each in told if each.endswith("it failed; see the log")]
+            assert not [each for each in told if each.endswith("failed to do it; see its log")]
             assert (await client.call("/add_two_ints", [1, 1]))["op"] == "service_response"
 
     with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:

@@ -59,7 +59,7 @@ def test_default_service_applies_if_none_is_named():
         ("busy:last=1", "expected a share above 0 up to 1"),
     ],
 )
-def test_invalid_specification_is_named_and_what_is_allowed_is_listed(text, problem):
+def test_error_names_the_invalid_specification_and_lists_the_allowed_ones(text, problem):
     with pytest.raises(ValueError, match="allowed are") as refused:
         parse_fault(text, "/robot_task")
     message = str(refused.value)

@@ -232,7 +232,7 @@ def test_control_needs_the_token_for_control_also_on_this_machine():
     assert granted(Access.CONTROL) == 401
 
 
-def test_other_users_of_the_machine_cannot_look_even_with_a_link():
+def test_other_users_of_the_machine_cannot_see_the_page_even_with_a_link():
     tokens = Tokens("server")
     for token, expected in ((tokens.control, 401), (tokens.view, 401), ("", 401), ("server", 200)):
         head = {"authorizations": bearer(token), "is_other_user": True}
@@ -242,7 +242,7 @@ def test_other_users_of_the_machine_cannot_look_even_with_a_link():
     assert granted(Access.LOOK, tokens=tokens) == 200
 
 
-def test_beyond_this_machine_looking_needs_a_token_and_files_need_none():
+def test_page_for_other_machines_needs_a_token_and_its_files_need_none():
     tokens = Tokens()
     for access in (Access.LOOK, Access.MONITOR):
         for token, expected in ((tokens.view, 200), (tokens.control, 200), ("x", 401)):

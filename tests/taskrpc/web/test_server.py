@@ -102,7 +102,7 @@ async def test_failed_page_shows_no_internals(caplog):
 
     async with WebServer({"/broken": broken}, listen="127.0.0.1:0") as web:
         status, headers, text = await fetch(f"{web.url}/broken")
-    assert (status, text) == (500, "this page cannot be shown; see the server's log\n")
+    assert (status, text) == (500, "the server could not make this page; see its log\n")
     assert headers["Server"] == "taskrpc"
     assert "OSError: /home/secret" in caplog.text
 
@@ -477,7 +477,7 @@ async def test_each_of_200_pages_that_open_at_one_instant_gets_its_events_or_a_5
         writer.close()
 
 
-async def test_request_too_many_is_told_so(monkeypatch):
+async def test_request_above_the_limit_gets_status_503(monkeypatch):
     monkeypatch.setattr(places, "MAX_ANSWERED", 1)
     asked, go_on = asyncio.Event(), asyncio.Event()
 
@@ -496,7 +496,7 @@ async def test_request_too_many_is_told_so(monkeypatch):
         assert (await fetching)[2] == "slow\n"
 
 
-async def test_one_page_too_many_is_told_so(page, monkeypatch):
+async def test_page_above_the_limit_gets_status_503(page, monkeypatch):
     monkeypatch.setattr(streams, "MAX_TABS", 1)
     async with aiohttp.request("GET", f"{page.url}/live") as response:
         await next_events(response, "hello")

@@ -56,7 +56,7 @@ def test_account_with_the_role_observe_may_not_control():
     assert Holder("").may_control
 
 
-def test_token_for_looking_does_not_allow_control(tokens):
+def test_read_only_token_does_not_allow_control(tokens):
     assert tokens.may_look(tokens.view)
     assert tokens.holder(tokens.view) is None
 

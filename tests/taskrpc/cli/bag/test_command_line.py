@@ -25,7 +25,7 @@ def test_play_publishes_the_messages_again(bag, recording):
 
 
 @pytest.mark.real_time
-def test_play_of_an_unfinished_file_plays_the_rest_and_says_so(bag, recording):
+def test_play_of_an_unfinished_file_plays_its_messages_and_prints_a_warning(bag, recording):
     cut(recording)
     code, _, err = bag("play", recording, "--rate", "10", "--delay", "0")
     assert code == 0

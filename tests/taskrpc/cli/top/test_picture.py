@@ -109,7 +109,7 @@ def without_title(lines):
     return "\n".join(["{title}", *lines[1:]])
 
 
-def test_a_terminal_of_40_columns_shows_what_matters():
+def test_a_terminal_of_40_columns_shows_fewer_values():
     assert without_title(text(BUSY, 40, 12)) == NARROW
 
 
@@ -193,7 +193,7 @@ def test_errors_and_problems_have_a_sign_beside_their_colour():
         (0.0, (), " 3 programs"),
     ],
 )
-def test_totals_say_of_which_time_they_are(seconds, services, shown):
+def test_totals_show_the_seconds_over_which_they_are_measured(seconds, services, shown):
     view = msgspec.structs.replace(BUSY, seconds=seconds, services=services)
     assert text(view, 100, 24)[1].endswith(shown)
 
