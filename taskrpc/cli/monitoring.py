@@ -9,8 +9,9 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import srvgen
 from taskrpc.classroom.register import Register, own_addresses
-from taskrpc.cli.shared.page_link import NotedLink, PageLink
+from taskrpc.cli.shared.page_link import PAGE_SERVICE, NotedLink, PageLink
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.errors import TaskRpcError
 from taskrpc.metrics import Metrics
@@ -19,6 +20,7 @@ from taskrpc.node import Node
 from taskrpc.observer import Observers
 from taskrpc.security.accounts import AccountSource
 from taskrpc.security.listen_policy import check_listen_policy
+from taskrpc.security.roles import Role
 from taskrpc.tasks import TaskServer
 from taskrpc.tasks.records.store import TaskStore
 from taskrpc.tasks.server import load_types
@@ -67,6 +69,7 @@ class Monitoring:
         self.tokens = Tokens(self._token, self._accounts)
         """The tokens that the live page accepts."""
         self._rosbridge: RosbridgeServer | None = None
+        self._node: Node | None = None
 
     def measured(self, store: TaskStore) -> TaskStore:
         """Return the store with metrics of its commits."""
@@ -79,6 +82,7 @@ class Monitoring:
 
         The live page shows the class of `class_folder`, if it is given.
         """
+        self._node = node
         self.metrics.add(lambda: task_families(server.manager))
         pages = task_pages(server, self.metrics)
         has_secrets = self._token or self._accounts is not None
@@ -112,6 +116,7 @@ class Monitoring:
     async def serving(self, web: WebServer) -> AsyncIterator[WebServer]:
         """Serve, and note the links of the live page for `taskrpc view`. Raises CannotListen."""
         async with web:
+            self._announce(web)
             noted = NotedLink(PageLink(os.getpid(), web.url, self.tokens.view, self.tokens.control))
             try:
                 yield web
@@ -119,6 +124,25 @@ class Monitoring:
                 noted.close()
                 if self._rosbridge is not None:
                     await self._rosbridge.close()
+
+    def _announce(self, web: WebServer) -> None:
+        """Offer a service that returns the page's address, if other machines can reach it."""
+        if self._node is None or is_loopback(split_place(self._place)[0]):
+            return
+
+        def address(_: Any, response: Any) -> Any:
+            response.success, response.message = True, web.url
+            return response
+
+        # `join`: several servers of a machine may have a page each.
+        self._node.create_service(
+            srvgen.load("std_srvs/srv/Trigger"),
+            PAGE_SERVICE,
+            address,
+            idempotent=True,
+            join=True,
+            role=Role.OBSERVE,
+        )
 
     def _students(
         self, node: Node, class_folder: str | None

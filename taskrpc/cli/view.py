@@ -1,4 +1,8 @@
-"""`taskrpc view`: opens the live page of the task server, or of a recording, in the browser."""
+"""`taskrpc view`: opens the live page of the task server, or of a recording, in the browser.
+
+On a laptop that has joined a lab, it prints the links of the lab's page: a server that it started
+here would answer the calls that are meant for the lab.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +20,9 @@ from taskrpc.cli.shared import graph
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
 from taskrpc.cli.shared.page_link import PageLink, noted_links
 from taskrpc.errors import TaskRpcError
+from taskrpc.security.lab import Lab, remembered_lab
 from taskrpc.transport.discovery.registry import Registry
-from taskrpc.transport.tcp.tcp_network import domain_id
+from taskrpc.transport.tcp.tcp_network import domain_id, environment_peers
 
 START_TIMEOUT = 20.0
 """Seconds that a new server gets to serve its page."""
@@ -36,8 +41,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `view`."""
     parser.epilog = (
         "If no task server runs, `taskrpc view` without FILE starts taskrpc-server --web, and ends"
-        " it at Ctrl-C. Keep the link for control secret: each person who has it can control the"
-        " robot."
+        " it at Ctrl-C; with a joined lab, it prints the links of the lab's page instead. Keep the"
+        " link for control secret: each person who has it can control the robot."
     )
     add = parser.add_argument
     what = "A recording to show: a .mcap file, or the folder of a bag of rosbag2"
@@ -57,7 +62,16 @@ def _run(options: argparse.Namespace) -> int:
         _show(links[0], options)
         return Exit.DONE
     _refuse_server_without_page()
+    if (lab := _joined_lab()) is not None:
+        from taskrpc.cli.classroom.lab_page import view_lab  # few users have joined a lab
+
+        return view_lab(lab)
     return _run_server(options)
+
+
+def _joined_lab() -> Lab | None:
+    """Return the lab whose server this user's programs call, None if they call no lab."""
+    return None if environment_peers() else remembered_lab()
 
 
 def _refuse_server_without_page() -> None:

@@ -6,9 +6,11 @@ import json
 import os
 import re
 import socket
+import ssl
 import subprocess
 import sys
 import time
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -64,7 +66,7 @@ def strings(lecturer):
     (lecturer.folder / "names.txt").write_text("ada\ngrace\n\n", encoding="utf-8")
     where = "--address", "127.0.0.1", "--port", port
     said = lecturer.run("taskrpc", "classroom", *where, "--students", "names.txt")
-    serving = *where, "--share", "2", "--serve", "--db", ":memory:"
+    serving = *where, "--share", "2", "--web", "0.0.0.0:0", "--serve", "--db", ":memory:"
     server = subprocess.Popen(
         lecturer.command("taskrpc", "classroom", *serving),
         cwd=lecturer.folder,
@@ -132,6 +134,20 @@ def test_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
 
     laptop.run("taskrpc", "join", "--leave")
     assert "no server offers" in submit(laptop, timeout=0.5, code=4)
+
+
+def test_laptop_opens_the_page_of_the_lab_with_its_own_account(strings, laptop):
+    laptop.run("taskrpc", "join", strings["grace"])
+    said = laptop.run("taskrpc", "view")
+    link, token = re.findall(r"look: +(https://127\.0\.0\.1:\d+/)#view=(grace\..+)", said)[0]
+    assert f"{link}?projector#view={token}" in said
+    trusting = ssl._create_unverified_context()
+    asked = urllib.request.Request(f"{link}live", headers={"Authorization": f"Bearer {token}"})
+    with urllib.request.urlopen(asked, context=trusting, timeout=PATIENCE) as events:
+        assert events.readline() == b"event: hello\n"
+        assert json.loads(events.readline().removeprefix(b"data: "))["control"] is True
+    # It has started no server, which would get the laptop's calls.
+    assert len(laptop.run("taskrpc", "ps").splitlines()) == 1
 
 
 def test_mistyped_invitation_is_refused_and_changes_nothing(strings, laptop):

@@ -17,6 +17,9 @@ from taskrpc.transport.tcp.tcp_network import domain_id, is_loopback, split_plac
 
 _FLAGS = os.O_RDWR | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
 
+PAGE_SERVICE = "/robot_task/page"
+"""The service that returns the address of a live page that other machines can reach."""
+
 
 class PageLink(msgspec.Struct, frozen=True):
     """The address of a live page, and the tokens of its links."""

@@ -1,0 +1,74 @@
+"""`taskrpc view` on a laptop that has joined a lab: prints the links of the lab's live page."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+import ssl
+import sys
+
+import srvgen
+from taskrpc.classroom.authority import fingerprint
+from taskrpc.classroom.joining import TIMEOUT, visit_now
+from taskrpc.cli.shared.command import Exit, NotFound, hinted
+from taskrpc.cli.shared.page_link import PAGE_SERVICE
+from taskrpc.cli.shared.remote import Remote
+from taskrpc.errors import TaskRpcError
+from taskrpc.security.lab import Lab
+from taskrpc.transport.tcp.tcp_network import join_place, split_place
+
+_PLACE = re.compile(r"https://((?:[A-Za-z0-9.-]+|\[[0-9A-Fa-f:.]+\]):[0-9]{1,5})\Z")
+
+
+def view_lab(lab: Lab) -> Exit:
+    """Print the links of the lab's page. Raises TaskRpcError if there is no such page."""
+    offered = {each.name for each in visit_now(lab).services}
+    if PAGE_SERVICE not in offered:
+        problem = NotFound(f"the lab at {lab.place} serves no live page for laptops")
+        how = "the lecturer starts one: taskrpc classroom --web 0.0.0.0:8443 --serve"
+        raise hinted(problem, f"{how}. For a robot of your own: taskrpc-server --web 127.0.0.1:0")
+    place = _checked(lab, asyncio.run(_address(lab)))
+    link, secret = f"https://{place}/", f"#view={lab.token}"
+    for line in (
+        f"the live page of the lab at {lab.place}, for {lab.token.partition('.')[0]}",
+        "the links contain your secret: open one yourself, and show it to nobody",
+        "the browser warns, because it does not know the lab's certificate; continue if the"
+        " certificate's SHA-256 fingerprint is",
+        fingerprint(lab.certificate).hex(":").upper(),
+    ):
+        print(line, file=sys.stderr, flush=True)
+    print(f"look:      {link}{secret}")
+    print(f"projector: {link}?projector{secret}", flush=True)
+    return Exit.DONE
+
+
+async def _address(lab: Lab) -> str:
+    """Ask the lab's server for the address of its page."""
+    trigger = srvgen.load("std_srvs/srv/Trigger")
+    async with Remote(lab.place).node() as node:
+        client = node.create_client(trigger, PAGE_SERVICE, timeout=TIMEOUT)
+        response = await client.call(trigger.Request())
+    return str(response.message)
+
+
+def _checked(lab: Lab, url: str) -> str:
+    """Return `HOST:PORT` of the page, at an address that shows the lab's certificate.
+
+    The browser of the laptop will send the account's secret there. Raises TaskRpcError.
+    """
+    found = _PLACE.match(url)
+    if found is None:
+        raise TaskRpcError(f"the lab at {lab.place}: expected the page's address, got {url[:80]!r}")
+    host, port = split_place(found[1])
+    reached = split_place(lab.place)[0]  # the laptop may reach the lab at another of its addresses
+    for place in dict.fromkeys((join_place(reached, port), join_place(host, port))):
+        try:
+            shown = ssl.get_server_certificate(split_place(place), timeout=TIMEOUT)
+        except OSError:  # includes TLS errors and timeouts
+            continue
+        if fingerprint(shown) == fingerprint(lab.certificate):
+            return place
+    problem = f"the lab's page at https://{join_place(host, port)}/ cannot be reached from here"
+    raise hinted(
+        TaskRpcError(problem), f"`taskrpc doctor {join_place(reached, port)}` finds out why"
+    )
