@@ -248,7 +248,7 @@ class Attempts(msgspec.Struct, eq=False):
         if not self._in_doubt or not is_no_answer:
             return error
         if isinstance(error, DeadlineExceeded):
-            return DeadlineExceeded("no answer by the deadline")
+            return DeadlineExceeded("no response by the deadline")
         return OutcomeUnknown(f"{error}; an earlier attempt of the call may have run")
 
 

@@ -94,7 +94,7 @@ def _unreachable(silent: list[str]) -> TaskRpcError:
 
 def _reason(error: OSError) -> str:
     if isinstance(error, TimeoutError):
-        return f"no answer within {TIMEOUT:g} s"
+        return f"no response within {TIMEOUT:g} s"
     if isinstance(error, ssl.SSLError):
         return "another program than a lab's server listens there"
     return error.strerror or str(error)

@@ -66,4 +66,4 @@ def _why_unmeasured(address: Address, error: TaskRpcError) -> str:
         return "it runs an older taskrpc, which has no statistics"
     if silent := why_silent(address):
         return silent
-    return "it did not answer in time" if isinstance(error, DeadlineExceeded) else str(error)
+    return "it did not respond in time" if isinstance(error, DeadlineExceeded) else str(error)

@@ -284,7 +284,7 @@ FAILURES = (
     ServiceUnavailable("gone"),
     ServerBusy("busy", retry_after=0.5),
     HandlerFailed(Code.INTERNAL, "bad"),
-    DeadlineExceeded("no answer by the deadline"),
+    DeadlineExceeded("no response by the deadline"),
     OutcomeUnknown("unknown"),
 )
 

@@ -16,7 +16,7 @@ CLASSES = [
 ]
 EXAMPLES = [
     TaskRpcError("something", not_executed=True),
-    errors.DeadlineExceeded("no answer by the deadline"),
+    errors.DeadlineExceeded("no response by the deadline"),
     errors.DeadlineExceeded("never sent", not_executed=True),
     errors.ServiceUnavailable("no server offers /x"),
     errors.ConnectionLost("gone", not_executed=True),

@@ -59,7 +59,7 @@ async def examine(remote: Remote) -> AsyncIterator[Finding]:
 
 
 async def resolve(host: str, port: int, timeout: float) -> list[str]:
-    """Return the addresses of a host. Raises OSError, also if there is no answer in time."""
+    """Return the addresses of a host. Raises OSError, also if there is no response in time."""
     loop = asyncio.get_running_loop()
     answer: asyncio.Future[list[str]] = loop.create_future()
 
@@ -81,7 +81,7 @@ async def resolve(host: str, port: int, timeout: float) -> list[str]:
         async with asyncio.timeout(timeout):
             return await answer
     except TimeoutError:
-        raise TimeoutError(f"no answer within {timeout:g} s") from None
+        raise TimeoutError(f"no response within {timeout:g} s") from None
 
 
 async def _connect(addresses: Sequence[str], port: int) -> tuple[str, Finding]:
@@ -126,7 +126,7 @@ def no_connection(error: OSError, address: str, port: int) -> Finding:
     # Our timeout and the system's timeout both raise TimeoutError.
     if isinstance(error, TimeoutError):
         return problem(
-            f"{address} did not answer at port {port} within {STEP_TIMEOUT:g} s",
+            f"{address} did not respond at port {port} within {STEP_TIMEOUT:g} s",
             f"a firewall there may drop connections: allow Python or TCP port {port}; if other"
             " machines cannot connect either, the Wi-Fi may have client isolation (guests cannot"
             " reach each other): use the lecturer's hotspot, or a cable",
@@ -151,7 +151,7 @@ async def _list_services(remote: Remote) -> Finding:
             return problem(placed(place, error), advice)
         if STOPPED in str(error):
             return problem(*str(error).split("; ", 1))
-        is_silent = "within" in str(error) or "did not answer" in str(error)
+        is_silent = "within" in str(error) or "did not respond" in str(error)
         advice = _NO_RESPONSE if is_silent else "another program than taskrpc listens there"
         fault = await encryption.fault(remote, STEP_TIMEOUT)
         return fault or problem(placed(place, error), advice)

@@ -179,7 +179,7 @@ class _Caller:
             except (ConnectionLost, ProtocolError) as error:
                 self._lost = type(error)(placed(place, error))
             except TimeoutError:
-                self._lost = self._lost or ConnectionLost(f"{place} did not answer in time")
+                self._lost = self._lost or ConnectionLost(f"{place} did not respond in time")
 
     async def _unavailable(self) -> ServiceUnavailable:
         from taskrpc.cli.shared.graph import why_unavailable  # only where a call fails
@@ -189,7 +189,7 @@ class _Caller:
 
     def _too_late(self, error: DeadlineExceeded) -> DeadlineExceeded:
         fate = "the call was not sent" if error.not_executed else "the call may have run"
-        problem = f"no answer from {self._service} within {self._plan.timeout:g} s; {fate}"
+        problem = f"no response from {self._service} within {self._plan.timeout:g} s; {fate}"
         return DeadlineExceeded(problem, not_executed=error.not_executed)
 
     def _print(self, text: str) -> None:

@@ -108,7 +108,7 @@ async def why_unavailable(
     `place` is the address on the command line, "" for none. `lost` is the error of a failed
     connection, None if every program answered.
     """
-    # Do not connect again to a place that did not answer.
+    # Do not connect again to a place that did not respond.
     entries = domains().get(domain_id(), []) if lost else others(await node.graph())
     for entry in entries:
         if entry.offers(service):
@@ -123,7 +123,7 @@ def _out_of_reach(place: str, lost: TaskRpcError, waited: str) -> ServiceUnavail
     if not place and remembered_lab() is not None and not environment_peers():
         return hinted(ServiceUnavailable(f"{lost} {waited}"), "ask the lecturer whether it runs")
     doctor = f"taskrpc doctor {place}".rstrip()
-    problem = f"no taskrpc program answers: {lost} {waited}"
+    problem = f"no taskrpc program responds: {lost} {waited}"
     return hinted(ServiceUnavailable(problem), f"find out why: {doctor}")
 
 

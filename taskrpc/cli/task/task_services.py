@@ -197,7 +197,7 @@ class TaskServices:
         try:
             return await client.call(client.srv_type.Request(**fields), timeout=timeout)
         except DeadlineExceeded as error:
-            problem = f"no answer from {client.service_name} within {timeout:g} s"
+            problem = f"no response from {client.service_name} within {timeout:g} s"
             raise DeadlineExceeded(problem, not_executed=error.not_executed) from None
         except HandlerFailed as error:
             if error.code is Code.UNAVAILABLE:  # the server is ending and did not run the call

@@ -252,7 +252,7 @@ class _Program:
         return self._window[-1].clock - self._window[0].clock if self._window else 0.0
 
     def services(self) -> list[ServiceStatistics]:
-        """Return the services of the last reading; none if there was no answer."""
+        """Return the services of the last reading; none if there was no response."""
         return [] if self.latest.statistics is None else self.latest.statistics.services
 
     def nodes_of(self, service: str) -> list[str]:

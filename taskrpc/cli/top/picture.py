@@ -169,7 +169,7 @@ def _digits(value: float) -> str:
 def _empty(view: View) -> str:
     where = f" in domain {view.domain}" if view.domain else ""
     if view.place:
-        return f"No taskrpc program answers at {view.place}."
+        return f"No taskrpc program responds at {view.place}."
     text = _NO_PROGRAM.replace(" here", where or " here")
     if view.elsewhere:
         domain = view.elsewhere[0]

@@ -361,7 +361,7 @@ def time_left(deadline: float, now: float) -> int:
 
 
 def _deadline_exceeded(not_executed: bool | None) -> DeadlineExceeded:
-    return DeadlineExceeded("no answer by the deadline", not_executed=not_executed)
+    return DeadlineExceeded("no response by the deadline", not_executed=not_executed)
 
 
 def _bad_answer(error: Exception) -> TaskRpcError:

@@ -54,7 +54,7 @@ class Dialler:
         # Not `wait_for`: the timeout of one caller must not cancel the task for the others.
         done, _ = await asyncio.wait((task,), timeout=left)
         if not done:
-            raise ConnectionLost(f"{address.place} did not answer in time", not_executed=True)
+            raise ConnectionLost(f"{address.place} did not respond in time", not_executed=True)
         if task.cancelled():
             raise _destroyed()
         return task.result()
@@ -100,7 +100,7 @@ class Dialler:
         except TaskRpcError as error:
             raise _explained(address, error, is_plain=is_plain) from None
         except TimeoutError:
-            raise _unreached(address, "it did not answer") from None
+            raise _unreached(address, "it did not respond") from None
         except ssl.SSLError as error:
             raise _unreached(address, f"no TLS connection: {reason_of(error)}") from None
         except OSError as error:

@@ -124,7 +124,7 @@ class RemoteCall(IncomingCall, eq=False, kw_only=True):
         """Cancel the call: the caller's deadline has passed."""
         self.cancel()
         unstarted = None if self.started else True
-        self.fail(DeadlineExceeded("no answer by the deadline", not_executed=unstarted))
+        self.fail(DeadlineExceeded("no response by the deadline", not_executed=unstarted))
 
     def lost(self) -> None:
         """The connection is gone; a call with a request id is cancelled at its deadline only."""

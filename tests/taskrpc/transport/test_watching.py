@@ -182,7 +182,7 @@ async def test_a_program_that_does_not_answer_has_a_problem_after_the_timeout(mo
         server.create_service(Add, "add", add)
         began = asyncio.get_running_loop().time()
         (found,) = await top.statistics(0.8)
-        assert found.problem == "it did not answer in time"
+        assert found.problem == "it did not respond in time"
         assert asyncio.get_running_loop().time() - began < 1
 
 

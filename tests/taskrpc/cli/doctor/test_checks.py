@@ -47,7 +47,7 @@ def test_health_service_that_does_not_respond_is_a_problem(node, capsys, monkeyp
     monkeypatch.setattr(checks, "LISTING_TIMEOUT", 0.1)
     node.create_service(Trigger, "lab/health", lambda request, response: time.sleep(0.5))
     assert main(["doctor", node.address]) == 1
-    assert "/lab/health does not answer: no answer by the deadline" in capsys.readouterr().out
+    assert "/lab/health does not answer: no response by the deadline" in capsys.readouterr().out
 
 
 def test_unreachable_server_is_not_reported_again_by_the_health_check(capsys, monkeypatch):

@@ -117,7 +117,7 @@ def test_unknown_host_name_is_a_problem(examine, monkeypatch):
 async def test_resolver_without_an_answer_times_out(monkeypatch):
     answer = threading.Event()
     monkeypatch.setattr("socket.getaddrinfo", lambda *args, **options: [answer.wait(10)][:0])
-    with pytest.raises(TimeoutError, match=r"no answer within 0\.05 s"):
+    with pytest.raises(TimeoutError, match=r"no response within 0\.05 s"):
         await probe.resolve("robot", 1, 0.05)
     answer.set()
 
@@ -128,7 +128,7 @@ def test_host_that_does_not_answer_gets_advice_about_firewalls(examine, monkeypa
 
     monkeypatch.setattr("asyncio.open_connection", hang)
     text, advice = only_problem(examine("192.0.2.1:7450"))
-    assert "192.0.2.1 did not answer at port 7450" in text
+    assert "192.0.2.1 did not respond at port 7450" in text
     assert "firewall" in advice
 
 

@@ -171,7 +171,7 @@ def test_host_that_accepts_no_connection_is_a_problem(diagnose, monkeypatch):
         text, advice = diagnose(f"127.0.0.1:{place[1]}")
         for each in waiting:
             each.close()
-    assert text == f"127.0.0.1 did not answer at port {place[1]} within 0.3 s"
+    assert text == f"127.0.0.1 did not respond at port {place[1]} within 0.3 s"
     assert "firewall" in advice
     assert "client isolation" in advice
 

@@ -151,7 +151,7 @@ def test_with_json_an_error_is_one_line_of_json(server, run):
     [
         (("/fail",), 1, "the handler failed; see the server's log"),
         (("/refuse",), 1, "the table is full"),
-        (("/sleep", "--timeout", "0.2"), 3, "no answer from /sleep within 0.2 s"),
+        (("/sleep", "--timeout", "0.2"), 3, "no response from /sleep within 0.2 s"),
         (("/add_two_ints", "a=x"), 1, "Failed to populate field: a: expected int64"),
         (("/bad name",), 1, "  '/bad name'\n       ^\n"),
         (("C:/Program Files/Git/add_two_ints",), 1, "Git Bash"),

@@ -107,10 +107,10 @@ def test_a_node_shows_the_calls_that_it_makes_to_all_programs():
 
 
 def test_a_program_that_does_not_answer_shows_no_old_figures():
-    silent = ProgramStatistics(entry(), None, "it did not answer in time")
+    silent = ProgramStatistics(entry(), None, "it did not respond in time")
     view = view_after(reading(0), reading(1, 10), silent)
     (row,) = view.nodes
-    assert (row.calls_in, row.cpu, row.problem) == (None, None, "it did not answer in time")
+    assert (row.calls_in, row.cpu, row.problem) == (None, None, "it did not respond in time")
     assert view.services == ()
     (row,) = view_after(reading(0), reading(1, 10), silent, reading(2, 30)).nodes
     assert (row.calls_in, row.problem) == (15, "")

@@ -51,7 +51,7 @@ BUSY = View(
         *(service(f"/robot_task/{verb}") for verb in "cancel drop health list show".split()),
     ),
     (
-        node("/frozen", problem="it did not answer in time"),
+        node("/frozen", problem="it did not respond in time"),
         node("/ada", calls_out=231.4),
         node("/task_server", program="taskrpc-server", calls_in=231.6, cpu=0.02),
     ),
@@ -69,7 +69,7 @@ SERVICE           CALLS/S     P99 ERRORS
 ▶  7 scan central        10  62%   4.0 s
    1 move warehouse       8       10.1 s
 NODE                   IN/S  OUT/S
-! /frozen: it did not answer in time
+! /frozen: it did not respond in time
 … 2 more
 q ends"""
 
@@ -91,7 +91,7 @@ SERVICE               CALLS/S      P50      P99  ERRORS   RUN    WAIT
      1  move warehouse             prio  8  queued  in  10.1 s  /ben
 
 NODE                    IN/S   OUT/S    CPU      PID  PROGRAM
-! /frozen: it did not answer in time
+! /frozen: it did not respond in time
 /ada                       -     231      -     4711  client.py
 /task_server             232       0    2 %     4711  taskrpc-server
 

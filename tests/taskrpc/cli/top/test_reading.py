@@ -131,7 +131,7 @@ async def test_a_silent_program_does_not_delay_a_reading_beyond_its_period(monke
         began = asyncio.get_running_loop().time()
         view = await reader.read()
         assert asyncio.get_running_loop().time() - began <= 0.5
-        assert view.nodes[0].problem == "it did not answer in time"
+        assert view.nodes[0].problem == "it did not respond in time"
 
 
 async def test_account_with_the_role_observe_sees_everything_and_cannot_control():

@@ -78,7 +78,7 @@ async def test_error_names_a_stopped_process_and_how_to_continue_it(monkeypatch,
 
 async def test_silent_process_that_is_not_stopped_is_not_called_stopped(monkeypatch):
     monkeypatch.setattr("taskrpc.platform.is_stopped", lambda _: False)
-    assert str(await failure(HERE)) == f"{PLACE}: it did not answer"
+    assert str(await failure(HERE)) == f"{PLACE}: it did not respond"
 
 
 async def test_a_plain_connection_that_is_lost_in_the_handshake_suggests_tls():
@@ -114,7 +114,7 @@ async def test_error_does_not_show_a_token():
     ("error", "reason"),
     [
         (ConnectionRefusedError(errno.ECONNREFUSED, "x"), "Connection refused"),
-        (TimeoutError(), "it did not answer"),
+        (TimeoutError(), "it did not respond"),
         (UnicodeError(), "not a valid host name"),
     ],
 )
