@@ -11,6 +11,7 @@ _STATE = """return [
     document.querySelectorAll("#calls .moving > g:first-of-type > *").length,
     document.getElementById("calls_empty").hidden,
 ]"""
+_LABELS = "return [...document.querySelectorAll(arguments[0])].map(each => each.textContent)"
 _MOVED = "return new DOMMatrix(getComputedStyle(document.querySelector('.moving')).transform).e"
 
 
@@ -53,3 +54,20 @@ def test_service_and_result_of_a_failed_call_fit_at_the_end_of_its_lane(
         ends,
     )
     assert all(needed <= given for needed, given in widths), widths
+
+
+def test_lost_response_ends_at_the_deadline_and_the_retry_gets_the_stored_response(
+    start_server, services, open_page
+):
+    page = open_page(start_server("--fault", "lose-response:first=1"))
+    request = {"task_type": "move", "target": "3,4", "priority": 8, "request_id": "monday-1"}
+    with pytest.raises(taskrpc.DeadlineExceeded):
+        services.call(**request, timeout=2.4)
+    lost = ".notable[data-tone=bad] text"
+    page.tab.wait(lambda: page.tab.run(_LABELS, lost) == ["✕ DEADLINE_EXCEEDED"], "the lost call")
+    response = services.call(**request)
+    assert response.success
+    saved = ".notable:not([data-tone=bad]) text"
+    page.tab.wait(lambda: page.tab.run(_LABELS, saved) == ["retry 1, stored response"], "the retry")
+    shown = page.agrees(services, until=lambda shown: shown.running is not None)
+    assert (shown.running[0], shown.queue) == (response.task_id, [])  # the task was queued once
