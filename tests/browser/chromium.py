@@ -87,10 +87,21 @@ class Tabs:
             tab.close()
         self._browser.switch_to.window(self._first)
 
-    def open(self, url: str, *, size: tuple[int, int] = LAPTOP, **preferred: str) -> Tab:
-        """Load a page in a new tab; `preferred` are media features as of `Tab.prefer`."""
+    def open(
+        self,
+        url: str,
+        *,
+        size: tuple[int, int] = LAPTOP,
+        any_certificate: bool = False,
+        **preferred: str,
+    ) -> Tab:
+        """Load a page in a new tab; `preferred` are media features as of `Tab.prefer`.
+
+        `any_certificate`: the user has accepted the certificate of which the browser warns.
+        """
         tab = Tab(self._browser, self._reports)
         self._open.append(tab)
+        tab.command("Security.setIgnoreCertificateErrors", ignore=any_certificate)
         tab.size(*size)
         tab.prefer(**preferred)
         tab.open(url)

@@ -8,7 +8,7 @@ const HIDDEN = 5_000; // milliseconds until a hidden tab closes its stream, so t
 
 /** Take the token out of the address bar (`#control=TOKEN`, `#view=TOKEN`) and keep it for this tab. */
 export function takeToken() {
-  const found = /^#(?:control|view)=([\w.~-]+)$/.exec(location.hash);
+  const found = /^#(?:control|view)=([\w.~@+=/-]+)$/.exec(location.hash);
   if (found) {
     sessionStorage.setItem("taskrpc_token", found[1]);
     history.replaceState(null, "", location.pathname + location.search);

@@ -1,0 +1,124 @@
+"""The page of a class over TLS: the students, their buttons, and an account that only sees."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+import trustme
+
+from taskrpc.classroom.register import Place, Register
+from tests.browser.live_page import LivePage
+
+LATER = 4e9  # seconds since 1970
+
+
+@pytest.fixture
+def register(tmp_path):
+    """A class with a student and an account that only sees."""
+    register = Register(tmp_path / "class")
+    register.place = Place(("127.0.0.1",), 7450)
+    register.add(["ada", "guest@lab"], LATER)
+    rows = json.loads(register.accounts_file.read_bytes())
+    rows["accounts"]["guest@lab"] = {
+        "secret": "a+secret/with~other=characters-",
+        "role": "observe",
+        "expires": LATER,
+    }
+    register.accounts_file.write_text(json.dumps(rows), encoding="utf-8")
+    return register
+
+
+@pytest.fixture
+def server(register, tmp_path, start_server):
+    """The server of the class, with a certificate that no browser knows."""
+    issued = trustme.CA().issue_cert("127.0.0.1")
+    issued.private_key_pem.write_to_path(tmp_path / "key.pem")
+    issued.cert_chain_pems[0].write_to_path(tmp_path / "cert.pem")
+    options = {
+        "--tls-cert": tmp_path / "cert.pem",
+        "--tls-key": tmp_path / "key.pem",
+        "--accounts": register.accounts_file,
+        "--class": register.folder,
+        "--speed": "0.05",
+    }
+    flat = [str(each) for pair in options.items() for each in pair]
+    return start_server(*flat, web="0.0.0.0:0")
+
+
+@pytest.fixture
+def open_as(register, server, tabs):
+    """Opens the page with the link of an account; other accounts do not matter."""
+    tokens = {account.name: account.token for account in register.accounts()}
+
+    def page(name):
+        url = f"{server.url}#view={tokens[name]}"
+        return LivePage(tabs.open(url, any_certificate=True)).is_live()
+
+    return page
+
+
+def students(page):
+    """The rows of the class tab."""
+    return [text.split("\n") for text in page.tab.texts("#students > li")]
+
+
+def test_student_submits_a_task_and_the_class_tab_counts_the_call(server, services, open_as):
+    assert server.url.startswith("https://")
+    page, screen = open_as("ada"), open_as("guest@lab")
+    for each in (page, screen):
+        each.tab.click("#tab_class")
+        each.tab.wait(lambda each=each: len(students(each)) == 2, "the students")
+        assert each.tab.text("#class p") == "0 of 2 students connected"
+    page.tab.find("#submit_target").send_keys("warehouse")
+    page.tab.click("#submit")
+    shown = page.agrees(services, until=lambda shown: shown.running is not None)
+    assert shown.running[4] == "ada"
+    assert screen.agrees(services).running == shown.running
+    for each in (page, screen):
+        each.tab.wait(
+            lambda each=each: each.tab.text("#class p") == "1 of 2 students connected", "ada"
+        )
+        row = "#students [data-student='ada']"
+        each.tab.wait(
+            lambda each=each: "1 call" in each.tab.text("#students [data-student='ada']"), row
+        )
+
+
+def test_student_cannot_stop_the_robot_and_the_page_says_why(server, services, open_as, tabs):
+    tabs.expect("403")
+    services.submit()
+    page = open_as("ada")
+    page.agrees(services, until=lambda shown: shown.running is not None)
+    page.tab.click("#stop")
+    assert "operate" in page.said()
+    assert page.agrees(services).running is not None
+
+
+def test_account_with_the_role_observe_sees_everything_and_has_no_buttons(
+    server, services, open_as
+):
+    for _ in range(3):
+        services.submit()
+    page = open_as("guest@lab")
+    before = page.agrees(services, until=lambda shown: shown.running is not None)
+    assert len(before.queue) == 2
+    for css in ("#submit_form", "#stop", "#pause", "#queue [data-verb]"):
+        assert not page.tab.shows(css), css
+    assert page.tab.shows("#read_only")
+    page.tab.click("#queue .row .what")
+    page.tab.wait(
+        lambda: "Why the estimate changed" in page.tab.text("#task_dialog"), "the details"
+    )
+    assert page.tab.texts("#task_dialog footer button") == []
+    page.tab.keys("\ue00c")
+    page.tab.run("document.querySelector('#queue .row').focus()")
+    page.tab.keys("+", "-", "x", "\ue017", "p", " ", "s", "n")
+    assert page.agrees(services)[:3] == before[:3]
+    assert page.tab.url == server.url
+
+
+def test_page_without_a_token_says_that_it_needs_one(server, tabs):
+    tabs.expect("401")
+    tab = tabs.open(server.url, any_certificate=True)
+    tab.wait(lambda: "This page has no valid token" in tab.text("body"), "the reason")
