@@ -12,7 +12,8 @@ from functools import partial
 from typing import cast
 
 from taskrpc.transport.connection.connection import Connection
-from taskrpc.transport.memory import Listener, Pipe
+from taskrpc.transport.memory import Listener
+from taskrpc.transport.pipe import Pipe
 
 
 class NetworkFaults:

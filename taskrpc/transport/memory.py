@@ -10,9 +10,8 @@ import asyncio
 import contextvars
 import os
 import weakref
-from collections import deque
 from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
@@ -20,12 +19,11 @@ from taskrpc.errors import NameInUse
 from taskrpc.security.roles import account_of
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.network import Address, Factory
+from taskrpc.transport.pipe import join
+from taskrpc.transport.settings import Settings
 
 if TYPE_CHECKING:
     from taskrpc.security.accounts import AccountSource
-
-HIGH_WATER, LOW_WATER = 65_536, 16_384
-"""Unread bytes at which an end must pause writing, and at which it may resume."""
 
 
 class Listener(msgspec.Struct, frozen=True, eq=False):
@@ -94,9 +92,13 @@ def hub_of(domain: int) -> Hub:
 
 
 class MemoryNetwork:
-    """The `Network` of one endpoint in a hub; `program` names the endpoint in tests."""
+    """The `Network` of one endpoint in a hub, by default that of the running loop and the domain.
+
+    `program` names the endpoint in tests.
+    """
 
     certificate = ""
+    native = None
 
     def __init__(
         self,
@@ -105,15 +107,19 @@ class MemoryNetwork:
         program: str = "",
         token: bytes | None = None,
         accounts: AccountSource | None = None,
+        hub: Hub | None = None,
     ) -> None:
         self.domain = domain
         self.program = program
         self.accounts = accounts
-        self._hub = hub_of(domain)
+        self._hub = hub or hub_of(domain)
         self.token = token or self._hub.token
         # With the token of an account, calls are made as this account; else with the hub's tokens.
         self._account_token = token if account_of(token or b"") else None
         self._place = ""
+
+    async def open(self) -> None:
+        """Do nothing: the hub is there."""
 
     def listen(self, factory: Factory) -> str:
         """Accept connections from now on; return the address."""
@@ -215,130 +221,11 @@ class MemoryNetwork:
         self._hub.changed()
 
 
-class Pipe(asyncio.Transport):
-    """One end of a connection in memory; the other end reads the bytes written here."""
-
-    def __init__(self, protocol: asyncio.BufferedProtocol, name: str) -> None:
-        super().__init__({"peername": name})
-        self._loop = asyncio.get_running_loop()
-        self._protocol = protocol
-        self._inbox: deque[memoryview] = deque()
-        """Bytes from the other end that the protocol has not read."""
-        self._inbox_size = 0
-        self._reading = True
-        self._delivery_planned = False
-        self._writing_paused = False
-        self._closing = False
-        """Whether this end was closed, by itself or after the other one."""
-        self._lost = False
-        """Whether the protocol knows that the connection is gone."""
-        self._ended = False
-        """Whether the other end was closed."""
-        self.peer: Pipe
-
-    def is_closing(self) -> bool:
-        """Whether this end was closed."""
-        return self._closing
-
-    def write(self, data: Any) -> None:
-        """Send bytes to the other end, which reads them in the next turn of the loop."""
-        if not self._closing and data:
-            self.peer._receive(bytes(data))
-            if self.peer._inbox_size > HIGH_WATER and not self._writing_paused:
-                self._writing_paused = True
-                self._protocol.pause_writing()
-
-    def get_write_buffer_size(self) -> int:
-        """Return the number of bytes that the other end has not read."""
-        return self.peer._inbox_size
-
-    def pause_reading(self) -> None:
-        """Stop passing bytes to the protocol."""
-        self._reading = False
-
-    def resume_reading(self) -> None:
-        """Continue to pass bytes to the protocol."""
-        self._reading = True
-        self._plan_delivery()
-
-    def is_reading(self) -> bool:
-        """Whether bytes are passed to the protocol."""
-        return self._reading
-
-    def close(self) -> None:
-        """Close both ends once the other end has read all bytes."""
-        if not self._closing:
-            self._closing = True
-            self.peer._end()
-            self._loop.call_soon(self._lose)
-
-    def abort(self) -> None:
-        """Close both ends at once."""
-        self._closing = True
-        self.peer._reset()
-        self._loop.call_soon(self._lose)
-
-    def _receive(self, data: bytes) -> None:
-        if not self._lost:
-            self._inbox.append(memoryview(data))
-            self._inbox_size += len(data)
-            self._plan_delivery()
-
-    def _end(self) -> None:
-        """Close this end once it has read all bytes: the other end was closed."""
-        self._ended = True
-        self._plan_delivery()
-
-    def _reset(self) -> None:
-        """Close this end without reading more: the other end was aborted."""
-        self._inbox.clear()
-        self._inbox_size = 0
-        self._end()
-
-    def _plan_delivery(self) -> None:
-        if not self._delivery_planned:
-            self._delivery_planned = True
-            self._loop.call_soon(self._deliver)
-
-    def _deliver(self) -> None:
-        self._delivery_planned = False
-        while self._inbox and self._reading and not self._lost and not self._closing:
-            self._read_once()
-        if self.peer._writing_paused and self._inbox_size < LOW_WATER and not self.peer._lost:
-            self.peer._caught_up()
-        if self._ended and (not self._inbox or self._closing):
-            self._closing = True
-            self._lose()
-
-    def _caught_up(self) -> None:
-        """Resume writing: the other end has read most of the bytes."""
-        self._writing_paused = False
-        self._protocol.resume_writing()
-
-    def _read_once(self) -> None:
-        room = memoryview(self._protocol.get_buffer(-1))
-        data = self._inbox.popleft()
-        count = min(len(room), len(data))
-        room[:count] = data[:count]
-        if count < len(data):
-            self._inbox.appendleft(data[count:])
-        self._inbox_size -= count
-        self._protocol.buffer_updated(count)
-
-    def _lose(self) -> None:
-        if not self._lost:
-            self._lost = True
-            self._inbox.clear()
-            self._inbox_size = 0
-            self._protocol.connection_lost(None)
-
-
-def join(
-    client: asyncio.BufferedProtocol, server: asyncio.BufferedProtocol, name: str
-) -> tuple[Pipe, Pipe]:
-    """Connect two protocols with each other; return both ends."""
-    one, other = Pipe(client, name), Pipe(server, f"a client of {name}")
-    one.peer, other.peer = other, one
-    server.connection_made(other)
-    client.connection_made(one)
-    return one, other
+def open_network(settings: Settings) -> MemoryNetwork:
+    """Return the network of a program with these settings; `listen` is the program's name."""
+    return MemoryNetwork(
+        domain=settings.domain,
+        program=settings.listen or "",
+        token=settings.token,
+        accounts=settings.account_source(),
+    )

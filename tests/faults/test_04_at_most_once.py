@@ -9,7 +9,7 @@ import pytest
 
 import taskrpc
 from taskrpc.attempts import Attempts
-from taskrpc.transport import memory
+from taskrpc.transport import pipe
 from taskrpc.transport.connection import client_side
 from tests.faults.harness import Bug
 from tests.faults.proxy import CUT, DELAY, HOLE, RESET, TRUNCATE, Faults, Proxy, faulty_pipe
@@ -131,7 +131,7 @@ async def test_calls_in_memory_execute_at_most_once_and_callers_know_the_outcome
         with monkeypatch.context() as patch:
             # The handshake has about 250 bytes, a call 60.
             faults = Faults(chance, counts, skip=chance.choice([0, 250]), reach=900)
-            patch.setattr(memory, "Pipe", faulty_pipe(faults))
+            patch.setattr(pipe, "Pipe", faulty_pipe(faults))
             await _one_seed(Truth(chance, counts))
         if counts.broken(*BROKEN) and number >= 200:
             print(f"broken by the faults of number {number}")

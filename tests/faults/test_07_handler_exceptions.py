@@ -15,7 +15,7 @@ import pytest
 import taskrpc
 from taskrpc import service
 from taskrpc.errors import Code, HandlerFailed
-from taskrpc.transport import memory
+from taskrpc.transport import pipe
 from tests.faults.harness import Bug
 from tests.taskrpc.transport.helpers import Add, ask
 
@@ -110,9 +110,9 @@ async def test_each_handler_exception_is_answered_at_once_and_leaks_nothing(
 ):
     caplog.set_level(logging.CRITICAL + 1)
     raising, sent = Raising(), []
-    write = memory.Pipe.write
+    write = pipe.Pipe.write
     monkeypatch.setattr(
-        memory.Pipe, "write", lambda pipe, data: sent.append(bytes(data)) or write(pipe, data)
+        pipe.Pipe, "write", lambda pipe, data: sent.append(bytes(data)) or write(pipe, data)
     )
     loop = asyncio.get_running_loop()
     async with (

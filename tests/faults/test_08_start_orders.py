@@ -10,7 +10,8 @@ import pytest
 import taskrpc
 from taskrpc.transport import channel
 from taskrpc.transport.discovery.availability import Availability
-from taskrpc.transport.memory import MemoryNetwork, Pipe
+from taskrpc.transport.memory import MemoryNetwork
+from taskrpc.transport.pipe import Pipe
 from tests.faults.harness import Bug, Lateness, milliseconds
 from tests.taskrpc.transport.helpers import Add, add, ask, outcome
 

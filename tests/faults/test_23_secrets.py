@@ -15,7 +15,7 @@ import pytest
 import taskrpc
 from taskrpc import Account, Accounts
 from taskrpc.security import accounts as accounts_module
-from taskrpc.transport import endpoint, memory, network
+from taskrpc.transport import endpoint, network, pipe
 from taskrpc.wire import handshake
 from tests.faults.harness import Bug
 from tests.taskrpc.transport.helpers import Add, add, ask
@@ -171,9 +171,9 @@ def sends_the_token(patch):
 
 @pytest.mark.planted(Bug(sends_the_token, "on the wire"))
 async def test_secrets_are_not_sent(counts, monkeypatch):
-    sent, write = [], memory.Pipe.write
+    sent, write = [], pipe.Pipe.write
     monkeypatch.setattr(
-        memory.Pipe, "write", lambda pipe, data: sent.append(bytes(data)) or write(pipe, data)
+        pipe.Pipe, "write", lambda pipe, data: sent.append(bytes(data)) or write(pipe, data)
     )
     async with (
         taskrpc.Node("server", transport="memory", token="s") as server,

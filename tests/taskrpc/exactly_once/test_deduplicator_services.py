@@ -29,7 +29,7 @@ from taskrpc.exactly_once.store_state import state_of
 from taskrpc.request_ids.ids import RequestId, StoredCompletions
 from taskrpc.request_ids.ledger import Ledger
 from taskrpc.transport.connection.client_side import OpenCall
-from taskrpc.transport.memory import Pipe
+from taskrpc.transport.pipe import Pipe
 from taskrpc.wire.frames import FrameType, pack_frame
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")

@@ -11,7 +11,8 @@ import warnings
 import pytest
 
 import taskrpc
-from taskrpc.transport.tcp.tcp_network import TcpNetwork, domain_id, environment_peers, split_place
+from taskrpc.transport.settings import domain_id, environment_peers
+from taskrpc.transport.tcp.tcp_network import TcpNetwork, split_place
 from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask, outcome, until
 
 pytestmark = pytest.mark.real_time
