@@ -24,7 +24,7 @@ from taskrpc.security.roles import Accounts, Role
 from taskrpc.security.tls import Tls
 from taskrpc.transport.base import Mode, OnMismatch, ProgramStatistics, Transport
 from taskrpc.transport.discovery.entries import RegistryEntry
-from taskrpc.transport.shared_endpoint import lab_namespace, shared_transport
+from taskrpc.transport.shared_endpoint import lab_namespace, shared_endpoint
 
 if TYPE_CHECKING:
     from taskrpc.deferred import DeferredService, Take
@@ -101,7 +101,7 @@ class Node:
         self._namespace = names.check_namespace(namespace or in_lab)
         self._is_in_lab = bool(in_lab)
         self._open_transport = partial(
-            shared_transport,
+            shared_endpoint,
             transport,
             listen=listen,
             peers=peers,
@@ -179,9 +179,21 @@ class Node:
     async def start(self) -> None:
         """Join the network; `async with` does it."""
         if self._transport is None:
-            self._transport = self._open_transport(domain=self.domain)
-            self._transport.add_node(self.get_fully_qualified_name())
-            self._notify(lambda observer: observer.node_started(self))
+            await self._start()
+
+    async def _start(self) -> None:
+        transport = self._open_transport(domain=self.domain)
+        try:
+            await transport.open()
+        except BaseException:
+            await transport.release()
+            raise
+        if self._transport is not None:  # another task has started the node meanwhile
+            await transport.release()
+            return
+        self._transport = transport
+        transport.add_node(self.get_fully_qualified_name())
+        self._notify(lambda observer: observer.node_started(self))
 
     async def destroy(self) -> None:
         """Withdraw the node's services and topics and leave the network; `async with` does it.

@@ -99,7 +99,7 @@ def _listing(lab: Lab) -> Listing:
 
 
 def _warn_of_peers() -> None:
-    from taskrpc.transport.tcp.tcp_network import environment_peers
+    from taskrpc.transport.settings import environment_peers
 
     if peers := environment_peers():
         listed = ", ".join(peers)

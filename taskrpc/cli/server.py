@@ -363,7 +363,7 @@ def _store(options: argparse.Namespace) -> TaskStore:
 
 
 def _default_file() -> Path:
-    from taskrpc.transport.tcp.tcp_network import domain_id
+    from taskrpc.transport.settings import domain_id
 
     domain = domain_id()
     name = f"tasks_domain_{domain}.db" if domain else "tasks.db"

@@ -22,7 +22,7 @@ from taskrpc.cli.shared.page_link import PageLink, noted_links
 from taskrpc.errors import TaskRpcError
 from taskrpc.security.lab import Lab, remembered_lab
 from taskrpc.transport.discovery.registry import Registry
-from taskrpc.transport.tcp.tcp_network import domain_id, environment_peers
+from taskrpc.transport.settings import domain_id, environment_peers
 
 START_TIMEOUT = 20.0
 """Seconds that a new server gets to serve its page."""

@@ -9,7 +9,7 @@ from typing import Self
 from taskrpc.node import Node
 from taskrpc.testing.faulty_connections import NetworkFaults
 from taskrpc.transport.memory import hub_of
-from taskrpc.transport.tcp.tcp_network import domain_id
+from taskrpc.transport.settings import domain_id
 
 
 @contextlib.asynccontextmanager

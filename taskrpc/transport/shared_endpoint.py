@@ -1,33 +1,54 @@
-"""Shares one endpoint between the nodes of an event loop that have the same settings."""
+"""The transports by name, and one endpoint for the nodes of an event loop with equal settings."""
 
 from __future__ import annotations
 
 import asyncio
+import importlib
 import weakref
 from collections.abc import Hashable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
+
+import msgspec
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.security.lab import remembered_lab
 from taskrpc.security.roles import Accounts
 from taskrpc.security.tls import Tls
-from taskrpc.transport.base import Transport
 from taskrpc.transport.endpoint import Endpoint
 from taskrpc.transport.limits.keepalive import keepalive_of
 from taskrpc.transport.network import Network
-from taskrpc.transport.tcp.tcp_network import TcpNetwork, domain_id, environment_peers
+from taskrpc.transport.settings import Settings, domain_id, environment_peers
 
 if TYPE_CHECKING:
-    from taskrpc.security.accounts import AccountSource
     from taskrpc.transport.connection.incoming_call import RouteFaults
+
+
+class Registration(msgspec.Struct, frozen=True):
+    """One transport of `TRANSPORTS`."""
+
+    opener: str
+    """`module:function`; the function takes `Settings` and returns a `Network`."""
+    in_lab: bool = False
+    """Whether its nodes call the lab of `taskrpc join`."""
+    needs: str = ""
+    """A module that is not part of taskrpc's dependencies."""
+    advice: str = ""
+    """How to install `needs`."""
+
+
+TRANSPORTS = {
+    "tcp": Registration("taskrpc.transport.tcp.tcp_network:open_network", in_lab=True),
+    "memory": Registration("taskrpc.transport.memory:open_network"),
+}
+"""The values of `transport=`. A new transport needs one line here; see `network` and `engine`."""
 
 _endpoints: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[Hashable, Endpoint]] = (
     weakref.WeakKeyDictionary()
 )
 
 
-def shared_transport(
+def shared_endpoint(
     name: str,
     *,
     listen: str | None,
@@ -39,46 +60,31 @@ def shared_transport(
     threads: bool = False,
     domain: int | None = None,
     faults: RouteFaults | None = None,
-) -> Transport:
+) -> Endpoint:
     """Return the running loop's endpoint for these settings; the first call creates it.
 
-    Each caller calls `release()` in the end. `threads`: other threads than the loop's make calls.
-    `faults`: injects faults into incoming calls.
+    Each caller awaits `open()`, and calls `release()` in the end. `threads`: other threads than the
+    loop's make calls. `faults`: injects faults into incoming calls.
+
     Raises TaskRpcError for an unknown name or an invalid setting.
     """
-    domain = domain_id() if domain is None else domain
-    addresses = tuple(environment_peers() if peers is None else _listed(peers))
-    lab = remembered_lab() if name == "tcp" else None
+    registration = registered(name)
+    settings = Settings(
+        domain=domain_id() if domain is None else domain,
+        listen=listen,
+        peers=tuple(environment_peers() if peers is None else _listed(peers)),
+        token=token.encode() if token else None,
+        tls=tls,
+        lab=remembered_lab() if registration.in_lab else None,
+        accounts=accounts,
+    )
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
     profile = keepalive_of(keepalive)
-    key = (name, domain, listen, addresses, token, tls, lab, accounts, profile, faults)
+    key = (name, settings, profile, faults)
     if (known := endpoints.get(key)) is not None:
         known.holders += 1
         return known
-    secret = token.encode() if token else None
-    source: AccountSource | None = None
-    if accounts is not None:
-        from taskrpc.security.accounts import AccountSource  # few programs have accounts
-
-        source = AccountSource(accounts)
-    network: Network
-    if name == "tcp":
-        network = TcpNetwork(
-            domain=domain,
-            listen=listen,
-            peers=addresses,
-            token=secret,
-            tls=tls,
-            lab=lab,
-            accounts=source,
-        )
-    elif name == "memory":
-        from taskrpc.transport.memory import MemoryNetwork
-
-        program = listen or ""
-        network = MemoryNetwork(domain=domain, program=program, token=secret, accounts=source)
-    else:
-        raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")
+    network = _open(name, registration, settings)
     # An endpoint refers to its event loop: if it stayed here, the loop would never be freed.
     forget = lambda: endpoints.pop(key)  # noqa: E731
     endpoints[key] = endpoint = Endpoint(
@@ -87,15 +93,36 @@ def shared_transport(
     return endpoint
 
 
+def registered(name: str) -> Registration:
+    """Return the registration of a transport. Raises TaskRpcError for an unknown name."""
+    found = TRANSPORTS.get(name)
+    if found is None:
+        *others, last = map(repr, TRANSPORTS)
+        raise TaskRpcError(f"transport: expected {', '.join(others)} or {last}, got {name!r}")
+    return found
+
+
 def lab_namespace(name: str, peers: Sequence[str] | None) -> str:
     """Return the default namespace of a node: that of the joined lab if it calls the lab, else "".
 
-    Raises TaskRpcError if the lab's file is invalid.
+    Raises TaskRpcError if the transport is unknown or the lab's file is invalid.
     """
-    if name != "tcp" or peers is not None or environment_peers():
+    if not registered(name).in_lab or peers is not None or environment_peers():
         return ""
     lab = remembered_lab()
     return "" if lab is None else lab.namespace
+
+
+def _open(name: str, registration: Registration, settings: Settings) -> Network:
+    module, _, function = registration.opener.partition(":")
+    try:
+        opener = getattr(importlib.import_module(module), function)
+    except ModuleNotFoundError as error:
+        if not registration.needs or error.name != registration.needs:
+            raise
+        problem = f"transport={name!r} needs the module {error.name}, which is not installed"
+        raise TaskRpcError(f"{problem}; {registration.advice}") from None
+    return cast("Network", opener(settings))
 
 
 def _listed(peers: Sequence[str]) -> Sequence[str]:

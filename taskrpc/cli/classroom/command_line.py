@@ -122,7 +122,7 @@ def _register() -> Register:
 
 def _place(options: argparse.Namespace, register: Register) -> Place:
     from taskrpc.classroom.register import Place, own_addresses
-    from taskrpc.transport.tcp.tcp_network import domain_id
+    from taskrpc.transport.settings import domain_id
 
     hosts = options.address or own_addresses()
     if not hosts:

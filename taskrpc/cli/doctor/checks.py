@@ -21,7 +21,7 @@ from taskrpc.node import Node
 from taskrpc.security.lab import remembered_lab
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.transport.limits.keepalive import keepalive_of
-from taskrpc.transport.tcp.tcp_network import domain_id, environment_peers
+from taskrpc.transport.settings import domain_id, environment_peers
 from taskrpc.wire.messages import ServiceEndpoint
 
 

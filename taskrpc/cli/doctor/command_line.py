@@ -15,7 +15,7 @@ from taskrpc.cli.shared.parsing import add_ignored
 from taskrpc.cli.shared.remote import Remote, add_secrets, any_place, remote_of
 from taskrpc.errors import TaskRpcError
 from taskrpc.security.lab import remembered_lab
-from taskrpc.transport.tcp.tcp_network import environment_peers
+from taskrpc.transport.settings import environment_peers
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

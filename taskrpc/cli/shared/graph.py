@@ -15,7 +15,7 @@ from taskrpc.security.lab import remembered_lab
 from taskrpc.transport.connection.dialling import STOPPED
 from taskrpc.transport.discovery.entries import RegistryEntry, entry_of
 from taskrpc.transport.discovery.registry import Registry
-from taskrpc.transport.tcp.tcp_network import domain_id, environment_peers
+from taskrpc.transport.settings import domain_id, environment_peers
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
 _SHOWN = 5  # most services that a hint names

@@ -13,7 +13,8 @@ from pathlib import Path
 import msgspec
 
 from taskrpc import platform
-from taskrpc.transport.tcp.tcp_network import domain_id, is_loopback, split_place
+from taskrpc.transport.settings import domain_id
+from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
 
 _FLAGS = os.O_RDWR | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
 

@@ -38,7 +38,7 @@ class Remote:
     def places(self) -> list[str]:
         """The addresses to call in addition to those in the registry of this machine."""
         from taskrpc.security.lab import remembered_lab
-        from taskrpc.transport.tcp.tcp_network import environment_peers
+        from taskrpc.transport.settings import environment_peers
 
         if self.place:
             return [self.place]
@@ -66,7 +66,8 @@ class Remote:
         """
         from taskrpc.security.lab import remembered_lab
         from taskrpc.transport.endpoint import Endpoint
-        from taskrpc.transport.tcp.tcp_network import TcpNetwork, domain_id
+        from taskrpc.transport.settings import domain_id
+        from taskrpc.transport.tcp.tcp_network import TcpNetwork
         from taskrpc.wire.messages import Resolve
 
         token = self.token or os.environ.get("TASKRPC_TOKEN") or ""

@@ -15,7 +15,7 @@ from taskrpc.cli.task.view import printable, work_of
 from taskrpc.cli.top.model import History, Pose, TaskRow, TaskServerRow, View
 from taskrpc.qos import QoS
 from taskrpc.transport.base import ProgramStatistics
-from taskrpc.transport.tcp.tcp_network import domain_id
+from taskrpc.transport.settings import domain_id
 
 if TYPE_CHECKING:
     from taskrpc.client import Client

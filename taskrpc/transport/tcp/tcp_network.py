@@ -22,6 +22,7 @@ from taskrpc.security.tls import ServerTls, Tls, common_name, digest, pinned_con
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.registry import Registry
 from taskrpc.transport.network import Address, Factory
+from taskrpc.transport.settings import Settings
 from taskrpc.transport.tcp.unix_sockets import (
     PREFIX,
     bound_unix,
@@ -45,9 +46,6 @@ POLL = 0.04
 SLOW_POLL = 0.1
 """The same while only subscriptions wait; they wait as long as they exist."""
 
-_MAX_DOMAIN = 232
-"""The largest domain id that ROS 2 allows."""
-
 
 class TcpNetwork:
     """TCP on this machine's loopback, or at the addresses of `listen` and `peers`.
@@ -56,6 +54,8 @@ class TcpNetwork:
     other machines. Without peers, the network finds processes in the registry of this machine, then
     at the `lab`. Both accept `unix:/path`; `listen="unix:"` creates a socket in the runtime folder.
     """
+
+    native = None
 
     def __init__(
         self,
@@ -86,6 +86,9 @@ class TcpNetwork:
         self._seen: object = None
         """The registry's signature when it was read last, at `_looked` on the loop's clock."""
         self._looked = float("-inf")
+
+    async def open(self) -> None:
+        """Do nothing: the registry of this machine and sockets need no preparation."""
 
     def listen(self, factory: Factory) -> str:
         """Accept connections from now on; return the address. Raises CannotListen."""
@@ -249,6 +252,19 @@ class TcpNetwork:
         return None
 
 
+def open_network(settings: Settings) -> TcpNetwork:
+    """Return the network of a program with these settings. Raises TaskRpcError."""
+    return TcpNetwork(
+        domain=settings.domain,
+        listen=settings.listen,
+        peers=settings.peers,
+        token=settings.token,
+        tls=settings.tls,
+        lab=settings.lab,
+        accounts=settings.account_source(),
+    )
+
+
 def _refuse_plain_call(address: Address, host: str, *, encrypted: bool) -> None:
     """Raise AuthenticationFailed for a plain connection to another machine."""
     if not encrypted and not is_loopback(host):
@@ -269,22 +285,6 @@ def _address(entry: RegistryEntry) -> Address:
 def _address_of_lab(lab: Lab) -> Address:
     token, certificate = lab.token.encode(), lab.certificate
     return Address(lab.place, token, certificate=certificate, domain=lab.domain)
-
-
-def domain_id() -> int:
-    """Return `ROS_DOMAIN_ID`, 0 if it is not set. Raises TaskRpcError unless it is 0 to 232."""
-    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
-    if not text.isdecimal() or int(text) > _MAX_DOMAIN:
-        raise TaskRpcError(
-            f"ROS_DOMAIN_ID: expected a number from 0 to {_MAX_DOMAIN}, got {text!r}"
-        )
-    return int(text)
-
-
-def environment_peers() -> list[str]:
-    """Return the peers in `TASKRPC_PEERS`, separated by commas, semicolons or spaces."""
-    text = os.environ.get("TASKRPC_PEERS", "")
-    return text.replace(",", " ").replace(";", " ").split()
 
 
 def split_place(place: str) -> tuple[str, int]:
