@@ -9,6 +9,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
@@ -23,7 +24,7 @@ from taskrpc.errors import (
 )
 from taskrpc.request_ids.ids import RequestCounters
 from taskrpc.security.roles import Role
-from taskrpc.transport.base import Offer, ProgramStatistics
+from taskrpc.transport.base import Offer, ProgramStatistics, TopicPublisher, TopicSubscription
 from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection.client_side import CallingConnection
@@ -55,8 +56,6 @@ if TYPE_CHECKING:
     from taskrpc.transport.limits.backpressure import Backpressure
     from taskrpc.transport.limits.calls_in_flight import CallsInFlight
     from taskrpc.transport.pubsub.endpoint_topics import Topics
-    from taskrpc.transport.pubsub.publishing import LocalPublisher
-    from taskrpc.transport.pubsub.subscribing import LocalSubscription
     from taskrpc.wire.statistics import Statistics
 
 log = logging.getLogger("taskrpc.transport")
@@ -129,6 +128,10 @@ class Endpoint(ThreadHandoff):
         self._accepted_traffic, self._dialled_traffic = Traffic(), Traffic()
         self._topics: Topics | None = None
 
+    async def open(self) -> None:
+        """Begin to see other programs; each node awaits it first. Raises TaskRpcError."""
+        await self.network.open()
+
     # Transport: nodes, services, clients, topics
 
     def add_node(self, name: str) -> None:
@@ -149,10 +152,18 @@ class Endpoint(ThreadHandoff):
             self._offers.remove(offer)
             raise
         self._advertise()
+        if self.network.native is not None:
+            try:
+                self.network.native.offer(offer)
+            except BaseException:
+                self.withdraw(offer)
+                raise
 
     def withdraw(self, offer: Offer) -> None:
         """Accept no more calls for a service."""
         if self._offers.remove(offer):
+            if self.network.native is not None:
+                self.network.native.withdraw(offer)
             self.publish(EntryChange(service=_named(offer), gone=True))
             self._advertise()
 
@@ -168,6 +179,8 @@ class Endpoint(ThreadHandoff):
         """Pass new calls of a service to the offer `by`."""
         if self._offers.remove(offer):
             self._offers.add(by)
+            if self.network.native is not None:
+                self.network.native.replace(offer, by)
             self._advertise()
 
     def channel(
@@ -175,6 +188,8 @@ class Endpoint(ThreadHandoff):
     ) -> RemoteChannel:
         """Return a node's channel to a service; to `otherwise` if no process offers the first."""
         named = ServiceEndpoint(name, srv_type._TYPE, srv_type._HASH, node)
+        if self.network.native is not None:
+            self.network.native.add_type(srv_type)
         self.publish(EntryChange(client=named))
         return RemoteChannel(self, named, srv_type, otherwise=otherwise)
 
@@ -184,15 +199,31 @@ class Endpoint(ThreadHandoff):
 
     def create_publisher(
         self, named: TopicEndpoint, msg_type: Any, role: Role, on_mismatch: Any = None
-    ) -> LocalPublisher:
-        """Create a publisher, and begin to listen if necessary."""
+    ) -> TopicPublisher:
+        """Create a publisher, and begin to listen if necessary.
+
+        `role` is the lowest role of a subscriber. A subscription that does not match is logged, or
+        reported to `on_mismatch`.
+        """
+        if self.network.native is not None:
+            gone = partial(self.publish, EntryChange(publisher=named, gone=True))
+            publisher = self.network.native.create_publisher(named, msg_type, on_mismatch, gone)
+            self.publish(EntryChange(publisher=named))
+            return publisher
         self._listen()
         return self.topics.create_publisher(named, msg_type, role, on_mismatch)
 
     def create_subscription(
         self, named: TopicEndpoint, msg_type: Any, deliver: Any, on_mismatch: Any = None
-    ) -> LocalSubscription:
-        """Create a subscription."""
+    ) -> TopicSubscription:
+        """Create a subscription; a publisher that does not match is logged or reported."""
+        if self.network.native is not None:
+            gone = partial(self.publish, EntryChange(subscription=named, gone=True))
+            subscription = self.network.native.create_subscription(
+                named, msg_type, deliver, on_mismatch, gone
+            )
+            self.publish(EntryChange(subscription=named))
+            return subscription
         return self.topics.create_subscription(named, msg_type, deliver, on_mismatch)
 
     @property

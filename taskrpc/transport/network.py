@@ -1,15 +1,28 @@
-"""The part of a transport that differs between TCP and memory: find, connect, and listen."""
+"""The interface that each transport implements: find programs, connect to them, and listen.
+
+A transport that connects byte streams, such as TCP, implements `Network` itself. A middleware
+implements `taskrpc.transport.engine.Engine`, and `tunnel` implements `Network` over it.
+"""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
+from taskrpc.transport.base import (
+    Deliver,
+    Offer,
+    OnMismatch,
+    TopicPublisher,
+    TopicSubscription,
+)
+from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.wire.handshake import PeerCredentials
+from taskrpc.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
     from taskrpc.security.accounts import AccountSource
@@ -42,6 +55,41 @@ class Address(msgspec.Struct, frozen=True):
 Factory = Callable[[], asyncio.BufferedProtocol]
 
 
+class NativeSide(Protocol):
+    """A middleware's own services and topics, which programs without taskrpc use too."""
+
+    def offer(self, offer: Offer) -> None:
+        """Serve a service natively too. Raises TaskRpcError if the middleware refuses it."""
+
+    def withdraw(self, offer: Offer) -> None:
+        """Serve it no more."""
+
+    def replace(self, offer: Offer, by: Offer) -> None:
+        """Pass native calls of a service to the offer `by`."""
+
+    def add_type(self, srv_type: ServiceType) -> None:
+        """Note a class with which this program calls; native servers may have the same type."""
+
+    def create_publisher(
+        self,
+        named: TopicEndpoint,
+        msg_type: Any,
+        on_mismatch: OnMismatch | None,
+        on_close: Callable[[], object],
+    ) -> TopicPublisher:
+        """Create a publisher; `on_close` is called when it is closed."""
+
+    def create_subscription(
+        self,
+        named: TopicEndpoint,
+        msg_type: Any,
+        deliver: Deliver,
+        on_mismatch: OnMismatch | None,
+        on_close: Callable[[], object],
+    ) -> TopicSubscription:
+        """Create a subscription; `on_close` is called when it is closed."""
+
+
 class Network(Protocol):
     """The part of an endpoint that finds processes and connects to them."""
 
@@ -50,6 +98,13 @@ class Network(Protocol):
     domain: int
     accounts: AccountSource | None
     """The accounts that may call, besides callers with the token; None without accounts."""
+
+    async def open(self) -> None:
+        """Begin to see other programs. May be called again. Raises TaskRpcError."""
+
+    @property
+    def native(self) -> NativeSide | None:
+        """The middleware's own services and topics; None without a middleware."""
 
     @property
     def certificate(self) -> str:

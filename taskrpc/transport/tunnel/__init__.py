@@ -1,0 +1,7 @@
+"""Connections between taskrpc programs over the datagrams of a middleware's engine.
+
+Start with `tunnel_network`, which implements `Network` over an `Engine`. The decisions are pure:
+`frames` is the format of a datagram, `stream` one end of a connection, `directory` the programs
+that are there. `stream_transport` joins a stream with asyncio. `native` uses the middleware's own
+services and topics, for foreign programs. No module here knows a particular middleware.
+"""

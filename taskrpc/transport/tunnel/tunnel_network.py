@@ -1,0 +1,352 @@
+"""A `Network` over the engine of a middleware: connections made of datagrams, presence, graph."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+from collections import OrderedDict
+from collections.abc import Callable, Collection
+from typing import cast
+
+import msgspec
+
+from taskrpc.errors import NameInUse
+from taskrpc.security.roles import account_of
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
+from taskrpc.transport.engine import Engine
+from taskrpc.transport.limits.log_throttling import ThrottledLog
+from taskrpc.transport.network import Address, Factory
+from taskrpc.transport.settings import Settings
+from taskrpc.transport.tunnel import frames
+from taskrpc.transport.tunnel.directory import Directory, announcement
+from taskrpc.transport.tunnel.frames import Datagram, Kind
+from taskrpc.transport.tunnel.native import PLACE as NATIVE
+from taskrpc.transport.tunnel.native import Native
+from taskrpc.transport.tunnel.stream import WINDOW, Stream
+from taskrpc.transport.tunnel.stream_transport import StreamTransport
+
+log = logging.getLogger("taskrpc.transport")
+
+PUBLIC_TOKEN = b"taskrpc: no secret"
+"""The token of programs without a secret, which every program of the middleware may call."""
+FORGOTTEN = 1024
+"""Ended connections that are remembered, so that late datagrams get a RST."""
+
+
+class TunnelNetwork:
+    """The network of one program over an engine.
+
+    Without `token` and `accounts`, every program of the engine's domain may call, natively too.
+    With them, callers prove their token as over TCP, and there are no native services and topics,
+    because foreign programs cannot prove anything.
+    """
+
+    certificate = ""
+
+    def __init__(self, engine: Engine, settings: Settings) -> None:
+        self.domain = settings.domain
+        self.accounts = settings.account_source()
+        self._given = settings.token
+        """The token that the user gave."""
+        is_open = settings.token is None and self.accounts is None
+        self.token = PUBLIC_TOKEN if is_open else settings.token or os.urandom(32)
+        self._shown_token = PUBLIC_TOKEN if is_open else b""
+        """The token that other programs find in the announcement."""
+        self.native = Native(engine, settings) if is_open else None
+        self._engine = engine
+        self._directory = Directory()
+        self._own: TrackedEntry | None = None
+        """The entry of this program; None until it publishes anything."""
+        self._factory: Factory | None = None
+        """Makes the protocol of an accepted connection; None while none is accepted."""
+        self._streams: dict[int, StreamTransport] = {}
+        """The connections by the id that this program has chosen."""
+        self._accepted: dict[tuple[str, int], int] = {}
+        """The id of each accepted connection, by the caller's place and id."""
+        self._dialling: dict[int, tuple[str, Factory, asyncio.Future[asyncio.BaseProtocol]]] = {}
+        """The connections that wait for an ACK: the server's place, and what follows."""
+        self._forgotten: OrderedDict[int, tuple[str, int]] = OrderedDict()
+        """The place and peer id of connections that ended a short time ago."""
+        self._opening: asyncio.Task[None] | None = None
+        self._announcing = False
+        self._closed = False
+        self._change: asyncio.Future[None] | None = None
+        """Done at the next change of the directory."""
+        self._foreign_revision = 0
+        self._garbage_log = ThrottledLog(log)
+
+    # Network: begin and end
+
+    async def open(self) -> None:
+        """Join the middleware, once for all nodes of the program. Raises TaskRpcError."""
+        if self._opening is None:
+            self._opening = asyncio.ensure_future(self._engine.open(self))
+        await asyncio.shield(self._opening)
+
+    def listen(self, factory: Factory) -> str:
+        """Accept connections from now on; return this program's place."""
+        self._factory = factory
+        return self._engine.place
+
+    async def stop_listening(self) -> None:
+        """Accept no more connections."""
+        self._factory = None
+
+    def close(self) -> None:
+        """Leave the middleware."""
+        self._closed = True
+        if self._opening is not None:
+            self._opening.cancel()
+        if self.native is not None:
+            self.native.close()
+        self._end_streams("the node was destroyed", tell=True)
+        self._engine.close()
+
+    # Network: connections
+
+    async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
+        """Connect. Raises OSError."""
+        if self.native is not None and address.place == NATIVE:
+            return await self.native.dial(factory)
+        if address.place not in self._directory and address.place != self._engine.place:
+            raise ConnectionRefusedError(f"no program is at {address.place}")
+        own_id = self._new_id()
+        connected = asyncio.get_running_loop().create_future()
+        self._dialling[own_id] = address.place, factory, connected
+        self._engine.send(address.place, frames.pack_syn(own_id, self._engine.place, WINDOW))
+        try:
+            return cast("asyncio.BaseProtocol", await connected)
+        finally:
+            self._dialling.pop(own_id, None)
+
+    def peer_credentials(self, transport: asyncio.BaseTransport, *, serving: bool) -> None:
+        """Return None: only the token proves who the peer is."""
+
+    def channel_binding(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
+        """Return b"": datagrams have nothing that both ends know and a relay does not."""
+        return b""
+
+    # Network: what programs there are
+
+    def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
+        """Announce a change of this program's entry. Raises NameInUse as far as programs show."""
+        other = next(self._directory.serving(claim), None) if claim else None
+        if other is not None:
+            node = other.services[claim].node
+            raise NameInUse(
+                f"{claim} is already offered by the node {node} of {other.about.script}; stop that"
+                " program, give this service another name, or let both serve it with join=True"
+            )
+        tracked.apply(change)
+        self._own = tracked
+        self._engine.update(change)
+        self._changed()
+        if not self._announcing:
+            self._announcing = True
+            asyncio.get_running_loop().call_soon(self._announce)
+
+    def locate(self, service: str) -> list[Address]:
+        """This program and others that offer a service, then native servers."""
+        found = [
+            msgspec.structs.replace(
+                self._address(tracked.about.address, tracked.about.token),
+                surely_offers=True,
+                type_hash=tracked.services[service].type_hash,
+            )
+            for tracked in self._serving(service)
+        ]
+        if self.native is not None and (native := self.native.address_of(service)) is not None:
+            found.append(native)
+        return found
+
+    def publishing(self, topics: Collection[str]) -> list[tuple[Address, Collection[str]]]:
+        """Other programs that publish some of these topics, with the topics."""
+        return [
+            (self._address(tracked.about.address, tracked.about.token), there)
+            for tracked, there in self._directory.publishing(topics)
+        ]
+
+    def entries(self) -> list[RegistryEntry]:
+        """The entries of all taskrpc programs, and of the foreign nodes."""
+        own = [] if self._own is None else [self._own.entry()]
+        return own + self._directory.entries() + self._engine.foreign_entries()
+
+    def peers(self) -> list[Address]:
+        """Return an empty list: every program announces itself."""
+        return []
+
+    def address_of(self, entry: RegistryEntry) -> Address:
+        """The address of the program of an entry."""
+        return self._address(entry.address, entry.token)
+
+    def mark(self) -> object:
+        """The present state of the directory, for `changed`."""
+        return self._directory.revision, self._foreign_revision
+
+    async def changed(self, mark: object, polls_fast: Callable[[], bool]) -> None:
+        """Return once the directory differs from the mark."""
+        while self.mark() == mark:
+            if self._change is None:
+                self._change = asyncio.get_running_loop().create_future()
+            await asyncio.shield(self._change)
+
+    # EngineEvents
+
+    def received(self, datagram: bytes) -> None:
+        """Pass a datagram to its connection; SYN makes a new one."""
+        parsed = frames.parse(datagram)
+        if parsed is None:
+            self._garbage_log.warning(
+                asyncio.get_running_loop().time(), "ignored a datagram that is not taskrpc's"
+            )
+            return
+        transport = self._streams.get(parsed.to)
+        if transport is None:
+            self._received_without_stream(parsed)
+            return
+        try:
+            transport.feed(parsed)
+        except Exception as error:  # an engine passes datagrams of other connections next
+            context = {"message": "a tunnelled connection failed", "exception": error}
+            asyncio.get_running_loop().call_exception_handler(context)
+            transport.abort()
+
+    def program_seen(self, place: str, entry: bytes) -> None:
+        """Note a program, or its new entry."""
+        if place == self._engine.place or self._closed:
+            return
+        if self._directory.seen(place, entry):
+            self._changed()
+        else:
+            self._garbage_log.warning(
+                asyncio.get_running_loop().time(), "ignored the invalid announcement of %s", place
+            )
+
+    def program_gone(self, place: str) -> None:
+        """Forget a program, and end its connections."""
+        if self._directory.gone(place):
+            self._changed()
+        for transport in list(self._streams.values()):
+            if transport.place == place:
+                transport.vanish()
+        self._refuse_dialled(f"the program at {place} has left", place)
+
+    def foreign_changed(self) -> None:
+        """Look at the native servers again."""
+        if self.native is not None and not self._closed:
+            self.native.foreign_changed()
+        self._foreign_revision += 1
+        self._changed()
+
+    def interrupted(self, reason: str) -> None:
+        """End all connections: no program can be reached."""
+        log.warning("%s is interrupted: %s", self._engine.name, reason)
+        self._directory.clear()
+        self._end_streams(reason, tell=False)
+        self.foreign_changed()
+
+    def resumed(self) -> None:
+        """Go on; the programs are reported again."""
+        log.warning("%s works again", self._engine.name)
+        self._changed()
+
+    # Connections
+
+    def _received_without_stream(self, datagram: Datagram) -> None:
+        kind, to, _, limit, data = datagram
+        if kind == Kind.SYN:
+            self._accept(data, limit)
+        elif to in self._dialling:
+            self._dialled(datagram)
+        elif kind == Kind.DATA and to in self._forgotten:
+            # The peer has missed the end of the connection.
+            place, peer = self._forgotten[to]
+            self._engine.send(place, frames.pack_reset(peer, "the connection has ended"))
+
+    def _accept(self, data: memoryview, limit: int) -> None:
+        caller = frames.parse_syn(data)
+        if caller is None or self._closed:
+            return
+        peer, place = caller
+        if (known := self._accepted.get((place, peer))) is not None:
+            self._engine.send(place, frames.pack_ack(peer, known, WINDOW))
+        elif self._factory is None:
+            self._engine.send(place, frames.pack_reset(peer, "the program accepts no calls"))
+        else:
+            own_id = self._new_id()
+            self._accepted[place, peer] = own_id
+            self._engine.send(place, frames.pack_ack(peer, own_id, WINDOW))
+            self._join(self._factory(), place, own_id, Stream(peer, limit))
+
+    def _dialled(self, datagram: Datagram) -> None:
+        place, factory, connected = self._dialling[datagram.to]
+        if connected.done():
+            return
+        if datagram.kind == Kind.RST:
+            reason = frames.parse_reset(datagram.data)
+            connected.set_exception(ConnectionRefusedError(reason))
+        elif datagram.kind == Kind.ACK and (peer := frames.parse_ack(datagram.data)) is not None:
+            protocol = factory()
+            self._join(protocol, place, datagram.to, Stream(peer, datagram.limit))
+            connected.set_result(protocol)
+
+    def _join(
+        self, protocol: asyncio.BufferedProtocol, place: str, own_id: int, stream: Stream
+    ) -> None:
+        def ended(lost: StreamTransport) -> None:
+            del self._streams[own_id]
+            self._accepted.pop((place, stream.peer), None)
+            self._forgotten[own_id] = place, stream.peer
+            if len(self._forgotten) > FORGOTTEN:
+                self._forgotten.popitem(last=False)
+
+        transport = StreamTransport(protocol, place, stream, self._engine.send, ended)
+        self._streams[own_id] = transport
+        protocol.connection_made(transport)
+
+    def _new_id(self) -> int:
+        # Random, so that no program can guess the ids of another program's connections.
+        while True:
+            found = int.from_bytes(os.urandom(8), "little")
+            if found and found not in self._streams and found not in self._dialling:
+                return found
+
+    def _end_streams(self, reason: str, *, tell: bool) -> None:
+        for transport in list(self._streams.values()):
+            if tell:
+                transport.abort()
+            else:
+                transport.vanish()
+        self._refuse_dialled(reason)
+
+    def _refuse_dialled(self, reason: str, place: str = "") -> None:
+        for there, _, connected in self._dialling.values():
+            if place in ("", there) and not connected.done():
+                connected.set_exception(ConnectionRefusedError(reason))
+
+    # Presence
+
+    def _announce(self) -> None:
+        self._announcing = False
+        if self._own is not None and not self._closed:
+            self._engine.announce(announcement(self._own.entry(), self._shown_token))
+
+    def _changed(self) -> None:
+        self._foreign_revision += 1
+        if self._change is not None:
+            self._change.set_result(None)
+            self._change = None
+
+    def _serving(self, service: str) -> list[TrackedEntry]:
+        own = self._own
+        here = own is not None and own.about.address and own.offers(service)
+        return ([own] if here and own is not None else []) + list(self._directory.serving(service))
+
+    def _address(self, place: str, token: str) -> Address:
+        if place == self._engine.place:
+            return Address(place, self.token)
+        own = self._given or b""
+        # Programs without a secret show the public token; an account's token is valid there too.
+        shown = bytes.fromhex(token)
+        return Address(place, own if account_of(own) or not shown else shown)
