@@ -31,7 +31,9 @@ from taskrpc.errors import (
 )
 from taskrpc.request_ids.ids import RequestCounter, RequestId, named_request_id
 from taskrpc.retry import RetryBudget, RetryPolicy
-from taskrpc.transport.base import Channel, Mode, SentCall
+from taskrpc.transport.base import Mode
+from taskrpc.transport.channel import RemoteChannel
+from taskrpc.transport.connection.client_side import OpenCall
 
 FREE_RETRIES = 8
 """Retries of one exactly-once request after lost connections that take nothing from the retry
@@ -43,7 +45,7 @@ _UNTIL_THE_DEADLINE = RetryPolicy()
 class Attempts(msgspec.Struct, eq=False):
     """The attempts of one call; await `result()` once."""
 
-    channel: Channel
+    channel: RemoteChannel
     request: Any
     deadline: float | None
     """Instant on the loop's clock, None for none."""
@@ -71,7 +73,7 @@ class Attempts(msgspec.Struct, eq=False):
     _sequence: int = 0
     _store_id: bytes = b""
     """The store for which the request id is valid, b"" before there is one."""
-    _sent: SentCall | None = None
+    _sent: OpenCall | None = None
     """The present attempt, if the channel sent it as soon as it was connected."""
 
     def begin(self) -> None:
@@ -79,7 +81,7 @@ class Attempts(msgspec.Struct, eq=False):
         with contextlib.suppress(Exception):  # `result` sends again and raises the error
             self._sent = self.channel.send(self.request, self.deadline, self._request_id())
 
-    async def result(self, call: SentCall | None = None) -> Any:
+    async def result(self, call: OpenCall | None = None) -> Any:
         """Return the response; raise the errors of `Client.call`.
 
         `call` is a first attempt that the caller has sent, with the next request id.
@@ -114,7 +116,7 @@ class Attempts(msgspec.Struct, eq=False):
         finally:
             self._settle()
 
-    def _cancel(self, call: SentCall) -> None:
+    def _cancel(self, call: OpenCall) -> None:
         self._sent = None
         call.future.cancel()
         call.cancel()
@@ -163,7 +165,7 @@ class Attempts(msgspec.Struct, eq=False):
         assert self._counter is not None, "taken above"
         return self._counter.request_id(self._sequence)
 
-    def _take_sequence(self, channel: Channel) -> None:
+    def _take_sequence(self, channel: RemoteChannel) -> None:
         self._settle()
         counter, sequence = None, 0
         if not self.name:

@@ -15,9 +15,12 @@ from taskrpc.attempts import Attempts
 from taskrpc.errors import Code, InvalidRequest, TaskRpcError
 from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.retry import RetryBudget, RetryPolicy
-from taskrpc.transport.base import CallbackCall, Channel, OnDone, Transport, WaitingThread
+from taskrpc.transport.base import OnDone
+from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.codec import ServiceType
+from taskrpc.transport.connection.client_threads import CallbackWaiter, Waiter
 from taskrpc.transport.connection.deadline_timer import clock_of
+from taskrpc.transport.endpoint import Endpoint
 from taskrpc.wire.status import code_of
 
 if TYPE_CHECKING:
@@ -48,7 +51,7 @@ class Client(Generic[RequestT, ResponseT]):
 
     def __init__(
         self,
-        transport: Transport,
+        transport: Endpoint,
         srv_type: ServiceType,
         name: str,
         node: str,
@@ -72,7 +75,7 @@ class Client(Generic[RequestT, ResponseT]):
         """The channel for other threads; None if only the event loop can send."""
 
     @property
-    def channel(self) -> Channel:
+    def channel(self) -> RemoteChannel:
         """The channel to the service, for the layers above."""
         return self._channel
 
@@ -163,8 +166,9 @@ class Client(Generic[RequestT, ResponseT]):
         if call is None:
             attempts = self._attempts(request, deadline, policy, request_id)
             return self._loop.create_task(attempts.result())
-        call.future.add_done_callback(call.cancel)
-        return call.future
+        future: asyncio.Future[ResponseT] = call.future
+        future.add_done_callback(call.cancel)
+        return future
 
     @property
     def retries(self) -> int:
@@ -197,7 +201,7 @@ def send_in_thread(
     request: Any,
     timeout: float | Unset | None,
     retry: RetryPolicy | Unset | None,
-) -> WaitingThread | None:
+) -> Waiter | None:
     """Send the request from another thread than the event loop's, for `taskrpc.sync`.
 
     Returns None if only the event loop can make the call.
@@ -211,7 +215,7 @@ def send_in_thread(
 
 def send_in_thread_then(
     client: Client[Any, Any], request: Any, timeout: float | Unset | None, on_done: OnDone
-) -> CallbackCall | None:
+) -> CallbackWaiter | None:
     """Do as `send_in_thread`, but call `on_done(response, error)` at the end instead of waiting."""
     channel = client._thread_channel
     if channel is None or client._retry is not None:

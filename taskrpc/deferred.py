@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, Generic, TypeAlias
 from taskrpc.errors import OutcomeUnknown, ServiceUnavailable, TaskRpcError
 from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.security.roles import Role
-from taskrpc.transport.base import IncomingCall, Offer, Transport
+from taskrpc.transport.base import IncomingCall, Offer
 from taskrpc.transport.codec import ServiceType, codec_of
+from taskrpc.transport.endpoint import Endpoint
 from taskrpc.wire.messages import ServiceEndpoint
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ class DeferredService:
 
     def __init__(
         self,
-        transport: Transport,
+        transport: Endpoint,
         srv_type: ServiceType,
         name: str,
         node: str,

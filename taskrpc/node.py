@@ -22,8 +22,9 @@ from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.retry import RetryPolicy
 from taskrpc.security.roles import Accounts, Role
 from taskrpc.security.tls import Tls
-from taskrpc.transport.base import Mode, OnMismatch, ProgramStatistics, Transport
+from taskrpc.transport.base import Mode, OnMismatch, ProgramStatistics
 from taskrpc.transport.discovery.entries import RegistryEntry
+from taskrpc.transport.endpoint import Endpoint
 from taskrpc.transport.shared_endpoint import lab_namespace, shared_endpoint
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ class Node:
             faults=faults,
         )
         self._observer = observer
-        self._transport: Transport | None = None
+        self._transport: Endpoint | None = None
         """None before `start` and after `destroy`."""
         # Dicts as ordered sets: removing one of thousands of entries is fast.
         self._services: dict[Service | DeferredService, None] = {}
@@ -535,7 +536,7 @@ class Node:
             if client.retries:  # most have none, and a program may call thousands of services
                 self._retries[name] = self._retries.get(name, 0) + client.retries
 
-    def _started(self) -> Transport:
+    def _started(self) -> Endpoint:
         if self._transport is None:
             advice = "async with taskrpc.Node(...) as node:` or call `await node.start()"
             if self._threads:

@@ -36,10 +36,11 @@ from taskrpc.execution.fair_queue import FairQueue
 from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.security.roles import Role
-from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
+from taskrpc.transport.base import IncomingCall, Mode, Offer
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.connection.deadline_timer import TICK, clock_of
 from taskrpc.transport.connection.incoming_call import answer_unexpected
+from taskrpc.transport.endpoint import Endpoint
 from taskrpc.wire.messages import DEFAULT_LIMITS
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ class Service:
 
     def __init__(
         self,
-        transport: Transport,
+        transport: Endpoint,
         srv_type: ServiceType,
         name: str,
         node: str,

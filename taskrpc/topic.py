@@ -14,7 +14,8 @@ from taskrpc.execution.callbacks import HOLDS_LOOP_AFTER, Callback, CallbackRunn
 from taskrpc.message_types import MsgT
 from taskrpc.qos import QoS
 from taskrpc.security.roles import Role
-from taskrpc.transport.base import OnMismatch, TopicSubscription, Transport
+from taskrpc.transport.base import OnMismatch, TopicSubscription
+from taskrpc.transport.endpoint import Endpoint
 from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import TopicEndpoint
 
@@ -41,7 +42,7 @@ class Publisher(Generic[MsgT]):
 
     def __init__(
         self,
-        transport: Transport,
+        transport: Endpoint,
         msg_type: type[MsgT],
         name: str,
         node: str,
@@ -178,7 +179,7 @@ class Subscription(Generic[MsgT]):
 
     def __init__(
         self,
-        transport: Transport,
+        transport: Endpoint,
         msg_type: type[MsgT],
         name: str,
         node: str,

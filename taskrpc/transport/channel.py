@@ -18,7 +18,7 @@ from taskrpc.errors import (
 )
 from taskrpc.request_ids.ids import RequestCounter, RequestCounters, RequestId, with_request_id
 from taskrpc.retry import reconnect_delay
-from taskrpc.transport.base import Mode, OnDone, Unsent
+from taskrpc.transport.base import Mode, OnDone
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.connection.client_side import CallingConnection, OpenCall
 from taskrpc.transport.connection.client_threads import CallbackWaiter, ThreadedConnection, Waiter
@@ -38,6 +38,13 @@ RESOLVE_TIMEOUT = 3.0
 _EXACTLY_ONCE, _TRACED = int(Flag.EXACTLY_ONCE), int(Flag.TRACED)
 
 
+class Unsent(Protocol):
+    """A call that waits for its channel's connection."""
+
+    def begin(self) -> None:
+        """Send the request; must not raise."""
+
+
 class ChannelContext(Protocol):
     """The objects that all channels of one endpoint share."""
 
@@ -52,7 +59,7 @@ class ChannelContext(Protocol):
 
 
 class RemoteChannel:
-    """A `Channel` that calls its service through a connection."""
+    """A client's channel to one service; it survives reconnects. Deadlines: the loop's clock."""
 
     def __init__(
         self,
@@ -63,7 +70,9 @@ class RemoteChannel:
         otherwise: str = "",
     ) -> None:
         self.mode = Mode.AT_MOST_ONCE
+        """What the server promised; known once connected."""
         self.store_id = b""
+        """The store of an exactly-once service, else b""; known once connected."""
         self.span_of: Callable[[], bytes] | None = None
         """Returns the trace span to send with a request, b"" for none."""
         self._counter: RequestCounter | None = None
@@ -122,7 +131,14 @@ class RemoteChannel:
     def send(
         self, request: Any, deadline: float | None, request_id: RequestId | None = None
     ) -> OpenCall | None:
-        """Send a request; None while the channel is not connected."""
+        """Send a request; None if `connect` must be called first.
+
+        Without `request_id`, a request to an exactly-once service gets the next one, and the caller
+        must settle its sequence number in the end. A request without an id moves to another server
+        if the server shuts down or withdraws the service before it begins the call.
+
+        Raises InvalidRequest for a request that cannot be sent; its sequence number is settled.
+        """
         connection = self._connection
         if connection is None or connection.epoch != self._epoch:
             return None
@@ -162,14 +178,17 @@ class RemoteChannel:
         return call
 
     def send_in_thread(self, request: Any, deadline: float | None) -> Waiter | None:
-        """Send a request from another thread; None if only the event loop can send it."""
+        """Send a request from another thread; None if only the event loop can send it.
+
+        Raises InvalidRequest for a request that cannot be sent.
+        """
         waiter = Waiter()
         return waiter if self._begin_in_thread(waiter, request, deadline) else None
 
     def send_in_thread_then(
         self, request: Any, deadline: float | None, on_done: OnDone
     ) -> CallbackWaiter | None:
-        """Send a request from another thread; `on_done` is called with its outcome."""
+        """Like `send_in_thread`; `on_done(response, error)` is called on the event loop."""
         waiter = CallbackWaiter(on_done)
         return waiter if self._begin_in_thread(waiter, request, deadline) else None
 
@@ -189,7 +208,11 @@ class RemoteChannel:
         return connection.begin_in_thread(call)
 
     async def connect(self, deadline: float | None) -> None:
-        """Find a server of the service and connect to it."""
+        """Find a server of the service and connect to it.
+
+        Raises ServiceUnavailable at once if no process offers the service or none can be reached,
+        and TypeMismatch, AuthenticationFailed or PermissionDenied if every server refuses.
+        """
         while not self.ready:
             if self._closed:
                 raise TaskRpcError(f"the client of {self._shown} is destroyed")
@@ -302,7 +325,11 @@ class RemoteChannel:
                 call.begin()
 
     def send_to_others(self, request: Any, on_response: Callable[[Any], object]) -> Future[None]:
-        """Send the request to all other servers of the service; see `Channel`."""
+        """Send the request to all other servers of the service, as ROS 2 does; from any thread.
+
+        The event loop calls `on_response(response)` with each of their responses. The returned
+        future is done when the request was sent to all of them.
+        """
         sending = self._send_to_others(self._encode(request), on_response)
         return asyncio.run_coroutine_threadsafe(sending, self._endpoint.loop)
 

@@ -71,7 +71,7 @@ CLOSE_TIMEOUT = 1.0
 
 
 class Endpoint(ThreadHandoff):
-    """The `Transport` over connections; shared by the nodes of one loop and network.
+    """What the nodes of one event loop and network share: offers, clients, topics, connections.
 
     `forget` is called when the last node releases it. `threads`: other threads make calls too.
     """
@@ -132,7 +132,7 @@ class Endpoint(ThreadHandoff):
         """Begin to see other programs; each node awaits it first. Raises TaskRpcError."""
         await self.network.open()
 
-    # Transport: nodes, services, clients, topics
+    # For nodes: nodes, services, clients, topics
 
     def add_node(self, name: str) -> None:
         """Announce a node."""
@@ -160,7 +160,7 @@ class Endpoint(ThreadHandoff):
                 raise
 
     def withdraw(self, offer: Offer) -> None:
-        """Accept no more calls for a service."""
+        """Accept no more calls for a service; earlier calls may still get responses."""
         if self._offers.remove(offer):
             if self.network.native is not None:
                 self.network.native.withdraw(offer)
@@ -235,7 +235,7 @@ class Endpoint(ThreadHandoff):
             self._topics = Topics(self)
         return self._topics
 
-    # Transport: the graph
+    # For nodes: the graph
 
     async def graph(self) -> list[RegistryEntry]:
         """Return the entries of all processes that this one can see and reach."""
@@ -281,7 +281,7 @@ class Endpoint(ThreadHandoff):
         accepted.accounts = {account: count for account, count in callers.items() if account}
         return self.id.hex(), accepted, dialled
 
-    # Transport: shutdown
+    # For nodes: shutdown
 
     async def release(self) -> None:
         """Release the endpoint for one node; the last node's release closes it."""
