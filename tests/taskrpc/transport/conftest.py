@@ -1,50 +1,65 @@
-"""The contract suite runs in memory on virtual time, and over TCP on the machine's clock."""
+"""The contract suite runs over each transport, on virtual time or on the machine's clock."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import fnmatch
 import itertools
 
 import pytest
 
 import taskrpc
-from taskrpc.program import fast_loop
 from taskrpc.testing import VirtualTimeLoop
+from taskrpc.transport import shared_endpoint
+from taskrpc.transport.shared_endpoint import Registration
+from tests.taskrpc.transport.contract.transports import CASES, LOOPS, case_of
 
-CONTRACT = "_contract"
-"""Part of the names of the test files that every transport must pass."""
+
+def is_contract(path):
+    """Whether every transport must pass the tests of a file."""
+    return path.parent.name == "contract" or "_contract" in path.name
 
 
 def pytest_asyncio_loop_factories(config, item):
-    """Return a transport for each loop; with uvloop too if it is installed."""
-    if CONTRACT not in item.path.name:
-        return None
-    loops = {"memory": VirtualTimeLoop, "tcp": asyncio.SelectorEventLoop}
-    if (uvloop := fast_loop()) is not None:
-        loops["tcp on uvloop"] = uvloop
-    return loops
+    return LOOPS if is_contract(item.path) else None
 
 
 def pytest_collection_modifyitems(items):
     for item in items:
-        if CONTRACT in item.path.name and "tcp" in item.name:
+        factory = getattr(item, "callspec", None) and item.callspec.params.get(
+            "_asyncio_loop_factory"
+        )
+        name = case_of(factory) if factory else ""
+        if not name or not is_contract(item.path):
+            continue
+        case = CASES[name]
+        if not issubclass(case.loop, VirtualTimeLoop):
             item.add_marker(pytest.mark.real_time)
+        for pattern, reason in case.lacks.items():
+            if fnmatch.fnmatch(item.originalname, pattern):
+                item.add_marker(pytest.mark.xfail(reason=reason, strict=True))
 
 
 class Network:
-    """Creates nodes that are destroyed with the test; each has its own sockets by default."""
+    """Creates nodes that are destroyed with the test; each has its own endpoint by default."""
 
-    def __init__(self, stack):
+    def __init__(self, stack, case, name):
+        self.name = name
         self.is_virtual = isinstance(asyncio.get_running_loop(), VirtualTimeLoop)
-        self.transport = "memory" if self.is_virtual else "tcp"
+        self.transport = case.transport
+        self._case = case
         self._stack = stack
         self._count = itertools.count()
 
-    async def node(self, name="server", *, shared=False, **options):
+    def options(self, name="server", *, shared=False, **options):
+        """Return the arguments of a node."""
         # Nodes with different settings do not share an endpoint.
-        options.setdefault("token", "shared" if shared else f"{name} {next(self._count)}")
-        node = taskrpc.Node(name, transport=self.transport, **options)
+        own = "shared" if shared else f"{name} {next(self._count)}"
+        return {"transport": self.transport, **self._case.settings, self._case.apart: own} | options
+
+    async def node(self, name="server", *, shared=False, **options):
+        node = taskrpc.Node(name, **self.options(name, shared=shared, **options))
         return await self._stack.enter_async_context(node)
 
     async def client(self, srv_type, name, *, node="client", **options):
@@ -52,6 +67,11 @@ class Network:
 
 
 @pytest.fixture
-async def net():
+async def net(monkeypatch):
+    name = case_of(type(asyncio.get_running_loop())) or "tcp"
+    case = CASES[name]
+    if case.opener:
+        registration = Registration(case.opener)
+        monkeypatch.setitem(shared_endpoint.TRANSPORTS, case.transport, registration)
     async with contextlib.AsyncExitStack() as stack:
-        yield Network(stack)
+        yield Network(stack, case, name)
