@@ -22,6 +22,7 @@ from taskrpc.transport.engine import Closable, EngineEvents, ForeignServer, Nati
 from taskrpc.transport.pubsub.endpoint_topics import Topics
 from taskrpc.transport.settings import Settings
 from taskrpc.transport.tunnel.tunnel_network import TunnelNetwork
+from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
 
@@ -212,7 +213,8 @@ class MemoryEngine:
         on_mismatch: OnMismatch | None,
     ) -> TopicSubscription:
         """Create a subscription on the bus."""
-        return self._bus.topics.create_subscription(named, msg_type, deliver, on_mismatch)
+        inbox = _Inbox(deliver)
+        return self._bus.topics.create_subscription(named, msg_type, inbox.arrived, on_mismatch)
 
 
 class NativeServer:
@@ -280,6 +282,28 @@ class NativeCalling:
             self.is_over = True
             self.on_over()
             self._loop.call_soon(self._on_done, response, error)
+
+
+class _Inbox:
+    """The messages for one subscription; those of one turn of the loop count as one read."""
+
+    def __init__(self, deliver: Deliver) -> None:
+        self._deliver = deliver
+        self._waiting: list[Body] = []
+        self._reads = 0
+        self._loop = asyncio.get_running_loop()
+
+    def arrived(self, body: Body, _: int) -> None:
+        """Deliver a message in a later turn of the loop."""
+        if not self._waiting:
+            self._loop.call_soon(self._read)
+        self._waiting.append(body)
+
+    def _read(self) -> None:
+        waiting, self._waiting = self._waiting, []
+        self._reads += 1
+        for body in waiting:
+            self._deliver(body, self._reads)
 
 
 class _Ignored:

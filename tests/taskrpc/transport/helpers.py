@@ -48,6 +48,13 @@ async def until(condition, seconds=60):
             await asyncio.sleep(0.002)
 
 
+async def until_seen(node, condition, seconds=60):
+    """Return once `condition(entries)` is true for the graph that the node sees."""
+    async with asyncio.timeout(seconds):
+        while not condition(await node.graph()):
+            await asyncio.sleep(0.002)
+
+
 async def outcome(awaitable):
     """Return the response, or the error without raising it."""
     try:

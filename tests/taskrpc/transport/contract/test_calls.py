@@ -256,8 +256,10 @@ async def test_the_end_of_the_caller_cancels_its_calls(net):
     gate = Gate()
     server = await net.node()
     server.create_service(Add, "gate", gate)
-    async with taskrpc.Node("brief", transport=net.transport, token="brief") as node:
-        call = node.create_client(Add, "gate").call_async(ask(1))
+    async with taskrpc.Node("brief", **net.options("brief")) as node:
+        client = node.create_client(Add, "gate")
+        await client.wait_for_service(60)
+        call = client.call_async(ask(1))
         await until(lambda: gate.started)
     await until(lambda: gate.cancelled)
     assert isinstance(await outcome(call), taskrpc.OutcomeUnknown)

@@ -200,14 +200,14 @@ async def test_random_cancels_leave_nothing(net):
 async def test_destroyed_nodes_leave_no_task_timer_or_warning(net, caplog):
     before = asyncio.all_tasks()
     gate = Gate()
-    options = {"transport": net.transport}
     async with (
-        taskrpc.Node("s", token="s", **options) as server,
-        taskrpc.Node("c", token="c", **options) as node,
+        taskrpc.Node("s", **net.options("s")) as server,
+        taskrpc.Node("c", **net.options("c")) as node,
     ):
         server.create_service(Add, "gate", gate, concurrency=3)
         server.create_service(Add, "thread", add, threaded=True)
         client = node.create_client(Add, "gate")
+        await client.wait_for_service(60)
         calls = [client.call_async(ask(n)) for n in range(5)]
         await node.create_client(Add, "thread").call(ask())
         absent = node.create_client(Add, "absent", retry=FAST)

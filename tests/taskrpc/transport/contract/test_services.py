@@ -18,6 +18,7 @@ from tests.taskrpc.transport.helpers import (
     outcome,
     served,
     until,
+    until_seen,
 )
 
 # Services that come and go
@@ -295,10 +296,10 @@ async def test_a_node_that_its_own_callback_destroys_leaves_the_graph(net):
     server.create_service(Add, "leave", leave)
     client = await net.client(Add, "leave")
     place = server.address
-    assert place in [entry.address for entry in await watcher.graph()]
+    await until_seen(watcher, lambda entries: place in [each.address for each in entries])
     assert isinstance(await outcome(client.call(ask())), taskrpc.OutcomeUnknown)
     await ended.wait()
-    assert place not in [entry.address for entry in await watcher.graph()]
+    await until_seen(watcher, lambda entries: place not in [each.address for each in entries])
 
 
 async def test_the_graph_and_definitions_are_available(net):

@@ -7,7 +7,7 @@ import pytest
 import srvgen
 import taskrpc
 from taskrpc import QoS
-from tests.taskrpc.transport.helpers import until
+from tests.taskrpc.transport.helpers import until, until_seen
 
 String = srvgen.load("std_msgs/msg/String")
 Int32 = srvgen.load("std_msgs/msg/Int32")
@@ -254,9 +254,9 @@ async def test_the_graph_contains_publishers_and_subscriptions(net):
     assert wanted.node == "/listener"
     publisher.destroy()
     subscription.destroy()
-    await until(lambda: True)
-    entries = await looking.graph()
-    assert not [each for entry in entries for each in (*entry.publishers, *entry.subscriptions)]
+    await until_seen(
+        looking, lambda them: not any([*each.publishers, *each.subscriptions] for each in them)
+    )
 
 
 async def test_a_slow_callback_keeps_the_last_messages_and_counts_the_others(net):
