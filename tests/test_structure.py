@@ -51,8 +51,9 @@ MIRRORS = {
 }
 """Folders of tests, and the packages whose layout they repeat."""
 PROGRAMS = "tests/rclpy/programs"
-CONTRACT = "tests/taskrpc/transport/contract"
 """Whole ROS programs, which belong to no module."""
+CONTRACT = "tests/taskrpc/transport/contract"
+"""What every transport must do, whichever modules do it."""
 LARGE_MODULE = 150
 """Lines from which a module has a test file of its own."""
 

@@ -26,7 +26,9 @@ class Case(NamedTuple):
     apart: str = "token"
     """The argument that gives a node an endpoint of its own; nodes with equal ones share one."""
     lacks: Mapping[str, str] = {}
-    """Tests that must fail, with the reason; the name of a test, or a part of it before a `*`."""
+    """Tests that must fail, with the reason."""
+    by_address: bool = False
+    """Whether nodes with other secrets need the server's address."""
 
 
 MEMORY_ENGINE = "taskrpc.testing.memory_engine:open_network"
@@ -56,14 +58,19 @@ NATIVE_TOPICS = dict.fromkeys(
 )
 """What every transport with native topics lacks."""
 
+SHARED_SECRETS = {
+    "test_a_program_with_another_secret_is_refused": "the programs of one user find each other's"
+    " secrets in the registry"
+}
+
 CASES = {
-    "memory": Case("memory", VIRTUAL),
-    "tcp": Case("tcp", REAL),
+    "memory": Case("memory", VIRTUAL, lacks=SHARED_SECRETS),
+    "tcp": Case("tcp", REAL, lacks=SHARED_SECRETS, by_address=True),
     "tunnel": Case("tunnel", VIRTUAL, MEMORY_ENGINE, {"token": "secret"}, "listen"),
     "native": Case("tunnel", VIRTUAL, MEMORY_ENGINE, {}, "listen", NATIVE_TOPICS),
 }
 if (uvloop := fast_loop()) is not None:
-    CASES["tcp on uvloop"] = Case("tcp", uvloop)
+    CASES["tcp on uvloop"] = CASES["tcp"]._replace(loop=uvloop)
 
 LOOPS = {name: type(f"Loop of {name}", (case.loop,), {}) for name, case in CASES.items()}
 """A class of event loops for each case, so that a test finds its case by its loop."""

@@ -1,0 +1,43 @@
+"""Blocking programs: each transport serves the threads of `taskrpc.sync`."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+import taskrpc.sync
+from taskrpc.transport import shared_endpoint
+from taskrpc.transport.shared_endpoint import Registration
+from tests.taskrpc.transport.contract.transports import CASES
+from tests.taskrpc.transport.helpers import Add, add, ask
+
+pytestmark = pytest.mark.real_time
+
+TRANSPORTS = {case.transport: case for case in CASES.values()}
+
+
+@pytest.fixture(params=TRANSPORTS)
+def case(request, monkeypatch):
+    case = TRANSPORTS[request.param]
+    if case.opener:
+        monkeypatch.setitem(shared_endpoint.TRANSPORTS, case.transport, Registration(case.opener))
+    return case
+
+
+def test_threads_call_a_server_and_get_their_own_responses(case):
+    options = {"transport": case.transport, **case.settings}
+    with (
+        taskrpc.sync.Node("server", **options | {case.apart: "server"}) as server,
+        taskrpc.sync.Node("client", **options | {case.apart: "client"}) as node,
+    ):
+        server.create_service(Add, "add", add)
+        client = node.create_client(Add, "add")
+        assert client.wait_for_service(60)
+        with ThreadPoolExecutor(4) as threads:
+            sums = threads.map(lambda n: client.call(ask(n, n)).sum, range(100))
+            assert list(sums) == [2 * n for n in range(100)]
+        with pytest.raises(taskrpc.ServiceUnavailable):
+            node.create_client(Add, "absent").call(ask())
+        with pytest.raises(taskrpc.DeadlineExceeded):
+            client.call(ask(), timeout=0)
