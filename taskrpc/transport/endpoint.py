@@ -259,6 +259,11 @@ class Endpoint(ThreadHandoff):
                 if not isinstance(error, ServiceUnavailable):
                     problem = error
             else:
+                if not resolved.definition:
+                    raise TaskRpcError(
+                        f"{name} has the type {resolved.type_name}; its server does not send the"
+                        " definition, so put the .srv file where taskrpc finds it"
+                    )
                 return resolved.type_name, resolved.definition
         raise problem
 

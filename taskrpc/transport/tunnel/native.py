@@ -10,6 +10,7 @@ errors of the client work as with any other server, as far as the middleware all
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import itertools
 import logging
 from collections import deque
@@ -17,6 +18,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import srvgen
 from taskrpc.errors import (
     Code,
     HandlerFailed,
@@ -171,12 +173,13 @@ class Native:
         that a client with another definition gets TypeMismatch.
         """
         for server in servers:
-            if (same := self._types.get(server.type_hash)) is not None:
-                return same
-            if not server.type_hash:
-                for each in self._types.values():
-                    if server.type_name == each._TYPE:
-                        return each
+            for each in self._types.values():
+                if _is_same(each, server):
+                    return each
+        with contextlib.suppress(srvgen.DefinitionError):
+            found: ServiceType = srvgen.load(servers[0].type_name)
+            if _is_same(found, servers[0]):
+                return found
         return _UnknownType(servers[0])
 
     def _add(self, service: str, srv_type: ServiceType, node: str) -> _ForeignService:
@@ -192,6 +195,12 @@ class Native:
         if known is not None and self._inner is not None:
             self._inner.withdraw(known.offer)
             known.gone()
+
+
+def _is_same(srv_type: ServiceType, server: ForeignServer) -> bool:
+    if server.type_hash:
+        return server.type_hash == srv_type._HASH
+    return server.type_name == srv_type._TYPE
 
 
 class _UnknownType:
