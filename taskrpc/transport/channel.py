@@ -24,7 +24,7 @@ from taskrpc.transport.connection.client_side import CallingConnection, OpenCall
 from taskrpc.transport.connection.client_threads import CallbackWaiter, ThreadedConnection, Waiter
 from taskrpc.transport.connection.dialling import Dialler, why_silent
 from taskrpc.transport.discovery.availability import Availability
-from taskrpc.transport.network import Address, Network
+from taskrpc.transport.network import Address, Network, no_server
 from taskrpc.wire.frames import Flag
 from taskrpc.wire.messages import Resolve, ServiceEndpoint
 
@@ -291,7 +291,7 @@ class RemoteChannel:
         self._mark = self._endpoint.availability.mark()
         addresses = self._locate()
         self._has_addresses = bool(addresses)
-        problem = ServiceUnavailable(f"no server offers {self._shown}")
+        problem = no_server(self._endpoint.network, self._shown)
         refusal: TaskRpcError | None = None
         for name, address in addresses:
             try:

@@ -37,7 +37,7 @@ from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, Trac
 from taskrpc.transport.discovery.registry import this_process
 from taskrpc.transport.limits.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.limits.log_throttling import LimitedLog
-from taskrpc.transport.network import Address, Network
+from taskrpc.transport.network import Address, Network, no_server
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import (
     DEFAULT_LIMITS,
@@ -249,7 +249,7 @@ class Endpoint(ThreadHandoff):
         Raises ServiceUnavailable if no process offers it, or the error with which asking failed.
         """
         deadline = self.loop.time() + READY_TIMEOUT
-        problem: TaskRpcError = ServiceUnavailable(f"no server offers {name}")
+        problem: TaskRpcError = no_server(self.network, name)
         for address in self.network.locate(name):
             try:
                 connection = await self.dialler.connection(address, deadline)

@@ -99,6 +99,7 @@ class MemoryNetwork:
 
     certificate = ""
     native = None
+    problem = ""
 
     def __init__(
         self,

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
+from taskrpc.errors import ServiceUnavailable
 from taskrpc.transport.base import (
     Deliver,
     Offer,
@@ -99,6 +100,10 @@ class Network(Protocol):
     accounts: AccountSource | None
     """The accounts that may call, besides callers with the token; None without accounts."""
 
+    @property
+    def problem(self) -> str:
+        """Why no program can be reached at present, "" if nothing is known to be wrong."""
+
     async def open(self) -> None:
         """Begin to see other programs. May be called again. Raises TaskRpcError."""
 
@@ -159,3 +164,9 @@ class Network(Protocol):
 
     def close(self) -> None:
         """Remove the entry of this process."""
+
+
+def no_server(network: Network, service: str) -> ServiceUnavailable:
+    """Return the error for a service that no known program offers."""
+    problem = f": {network.problem}" if network.problem else ""
+    return ServiceUnavailable(f"no server offers {service}{problem}")

@@ -56,6 +56,7 @@ class TcpNetwork:
     """
 
     native = None
+    problem = ""
 
     def __init__(
         self,

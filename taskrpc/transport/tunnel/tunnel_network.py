@@ -74,6 +74,8 @@ class TunnelNetwork:
         self._change: asyncio.Future[None] | None = None
         """Done at the next change of the directory."""
         self._foreign_revision = 0
+        self.problem = ""
+        """Why the middleware is interrupted, "" while it is not."""
         self._garbage_log = ThrottledLog(log)
 
     # Network: begin and end
@@ -242,6 +244,7 @@ class TunnelNetwork:
     def interrupted(self, reason: str) -> None:
         """End all connections: no program can be reached."""
         log.warning("%s is interrupted: %s", self._engine.name, reason)
+        self.problem = reason
         self._directory.clear()
         self._end_streams(reason, tell=False)
         self.foreign_changed()
@@ -249,6 +252,7 @@ class TunnelNetwork:
     def resumed(self) -> None:
         """Go on; the programs are reported again."""
         log.warning("%s works again", self._engine.name)
+        self.problem = ""
         self._changed()
 
     # Connections
