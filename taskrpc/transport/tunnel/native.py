@@ -206,10 +206,11 @@ def _is_same(srv_type: ServiceType, server: ForeignServer) -> bool:
 class _UnknownType:
     """The type of a foreign service of which this program has no class."""
 
-    Request = Response = None
     _DEFINITION = ""
 
     def __init__(self, server: ForeignServer) -> None:
+        empty = srvgen.define("taskrpc/srv/Unknown", "---")  # it is refused before any call
+        self.Request, self.Response = empty.Request, empty.Response
         self._TYPE = server.type_name
         self._HASH = server.type_hash
 

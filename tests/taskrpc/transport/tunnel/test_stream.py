@@ -1,7 +1,7 @@
 """A stream over datagrams: its bytes arrive unchanged, or the connection is reset."""
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskrpc.transport.tunnel import frames, stream
@@ -177,6 +177,7 @@ class Wire:
                 yield self._draw(st.binary(max_size=60))
 
 
+@settings(max_examples=40)
 @given(st.data())
 @pytest.mark.parametrize("faults", [[], ["repeat"], ["lose", "delay", "repeat", "garbage"]])
 def test_bytes_arrive_unchanged_or_the_connection_is_reset(faults, data):

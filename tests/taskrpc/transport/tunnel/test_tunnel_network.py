@@ -74,7 +74,7 @@ async def test_calls_run_at_most_once_and_their_outcome_is_known(programs, seed)
         response.sum = request.a
         return response
 
-    server, _, client = await served(programs, count)
+    _, _, client = await served(programs, count)
 
     def faults(place, datagram):
         fate = chance.random()
