@@ -29,7 +29,8 @@ from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 class Bus:
     """What the engines of one loop and domain share."""
 
-    def __init__(self) -> None:
+    def __init__(self, domain: int) -> None:
+        self.domain = domain
         self.engines: dict[str, MemoryEngine] = {}
         """The open engines by place."""
         self.opened = 0
@@ -69,7 +70,7 @@ def bus_of(domain: int) -> Bus:
     buses = _buses.setdefault(asyncio.get_running_loop(), {})
     bus = buses.get(domain)
     if bus is None:
-        bus = buses[domain] = Bus()
+        bus = buses[domain] = Bus(domain)
     return bus
 
 
@@ -100,7 +101,7 @@ class MemoryEngine:
     async def open(self, events: EngineEvents) -> None:
         """Join the bus."""
         self._bus.opened += 1
-        self.place = f"memory engine:{self._bus.opened}"
+        self.place = f"memory engine {self._bus.domain}:{self._bus.opened}"
         self.events = events
         self._bus.engines[self.place] = self
         await asyncio.sleep(0)

@@ -1,0 +1,33 @@
+"""Every network has all members of the interface; addresses keep their secret."""
+
+import inspect
+
+import pytest
+
+from taskrpc.transport.memory import MemoryNetwork
+from taskrpc.transport.network import Address, Network, no_server
+from taskrpc.transport.tcp.tcp_network import TcpNetwork
+from taskrpc.transport.tunnel.tunnel_network import TunnelNetwork
+
+NETWORKS = [MemoryNetwork, TcpNetwork, TunnelNetwork]
+
+
+@pytest.mark.parametrize("network", NETWORKS)
+def test_a_network_has_every_method_of_the_interface(network):
+    for name, method in inspect.getmembers(Network, inspect.isfunction):
+        if not name.startswith("_"):
+            there = inspect.signature(getattr(network, name)).parameters
+            assert list(there) == list(inspect.signature(method).parameters), name
+            is_async = inspect.iscoroutinefunction(method)
+            assert inspect.iscoroutinefunction(getattr(network, name)) == is_async, name
+
+
+def test_an_address_does_not_show_its_secret():
+    assert repr(Address("robot:7450", b"the secret")) == "Address('robot:7450')"
+
+
+async def test_the_error_without_a_server_gives_the_reason_if_there_is_one():
+    network = MemoryNetwork(domain=0)
+    assert str(no_server(network, "/add")) == "no server offers /add"
+    network.problem = "the router is gone"
+    assert str(no_server(network, "/add")) == "no server offers /add: the router is gone"
