@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import struct
 from enum import IntEnum
-from typing import NamedTuple
+from typing import TypeAlias
 
 VERSION = 1
 """The version of this format, in the upper half of the first byte."""
@@ -51,18 +51,11 @@ class Kind(IntEnum):
     """The connection has ended at once."""
 
 
-class Datagram(NamedTuple):
-    """A datagram that was received."""
+Datagram: TypeAlias = tuple[int, int, int, int, memoryview]
+"""A datagram that was received: kind, id of the connection at its receiver, number, limit, and what
+follows the header. A plain tuple, because each call needs two of them."""
 
-    kind: int
-    to: int
-    """The id of the connection at its receiver."""
-    number: int
-    limit: int
-    data: memoryview
-
-
-_FIRST_BYTES = {VERSION << 4 | kind: int(kind) for kind in Kind}
+_SYN, _RST, _VERSION_BITS = int(Kind.SYN), int(Kind.RST), VERSION << 4
 
 
 def parse(data: bytes) -> Datagram | None:
@@ -70,15 +63,15 @@ def parse(data: bytes) -> Datagram | None:
     if len(data) < HEADER_SIZE:
         return None
     first, to, number, limit = _HEADER.unpack_from(data)
-    kind = _FIRST_BYTES.get(first)
-    if kind is None:
+    kind = first ^ _VERSION_BITS
+    if not _SYN <= kind <= _RST:
         return None
-    return Datagram(kind, to, number, limit, memoryview(data)[HEADER_SIZE:])
+    return kind, to, number, limit, memoryview(data)[HEADER_SIZE:]
 
 
 def pack(kind: Kind, to: int, number: int = 0, limit: int = 0) -> bytes:
     """Return the header of a datagram."""
-    return _HEADER.pack(VERSION << 4 | kind, to, number, limit)
+    return _HEADER.pack(_VERSION_BITS | kind, to, number, limit)
 
 
 def pack_syn(own_id: int, place: str, limit: int) -> bytes:

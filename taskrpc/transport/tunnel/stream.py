@@ -133,26 +133,24 @@ class Stream:
             self._limit = limit
             if self._waiting:
                 self._send_waiting()
-        if kind not in (Kind.DATA, Kind.FIN) or not self._is_next(number):
+        if kind != Kind.DATA or number != self._expected:
+            if kind in (Kind.DATA, Kind.FIN):
+                self._feed_end_or_gap(number)
             return None
-        if kind == Kind.FIN:
-            self.ended = True
-            return None
+        self._expected = (number + 1) % _NUMBERS
         self._received += len(data)
         if self._received <= self._promised:
             return data
         self.reset("more bytes than the window allows")
         return None
 
-    def _is_next(self, number: int) -> bool:
-        """Whether this is the next datagram; if one is missing, reset the connection."""
-        if number == self._expected:
-            self._expected = (number + 1) % _NUMBERS
-            return True
-        # A repeated datagram does no harm; numbers count modulo 2**32.
-        if (number - self._expected) % _NUMBERS < _NUMBERS // 2:
+    def _feed_end_or_gap(self, number: int) -> None:
+        """Handle a FIN, or a DATA that is not the next one."""
+        ahead = (number - self._expected) % _NUMBERS
+        if not ahead:
+            self.ended = True
+        elif ahead < _NUMBERS // 2:  # further ahead is a repeated datagram, which does no harm
             self.reset("a datagram is missing")
-        return False
 
     def _send(self, data: bytes | memoryview) -> None:
         self._promised = self._read + self._window

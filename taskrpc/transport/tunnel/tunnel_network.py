@@ -203,7 +203,7 @@ class TunnelNetwork:
                 asyncio.get_running_loop().time(), "ignored a datagram that is not taskrpc's"
             )
             return
-        transport = self._streams.get(parsed.to)
+        transport = self._streams.get(parsed[1])
         if transport is None:
             self._received_without_stream(parsed)
             return
@@ -284,15 +284,15 @@ class TunnelNetwork:
             self._join(self._factory(), place, own_id, Stream(peer, limit))
 
     def _dialled(self, datagram: Datagram) -> None:
-        place, factory, connected = self._dialling[datagram.to]
+        kind, to, _, limit, data = datagram
+        place, factory, connected = self._dialling[to]
         if connected.done():
             return
-        if datagram.kind == Kind.RST:
-            reason = frames.parse_reset(datagram.data)
-            connected.set_exception(ConnectionRefusedError(reason))
-        elif datagram.kind == Kind.ACK and (peer := frames.parse_ack(datagram.data)) is not None:
+        if kind == Kind.RST:
+            connected.set_exception(ConnectionRefusedError(frames.parse_reset(data)))
+        elif kind == Kind.ACK and (peer := frames.parse_ack(data)) is not None:
             protocol = factory()
-            self._join(protocol, place, datagram.to, Stream(peer, datagram.limit))
+            self._join(protocol, place, to, Stream(peer, limit))
             connected.set_result(protocol)
 
     def _join(

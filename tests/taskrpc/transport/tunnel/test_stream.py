@@ -197,7 +197,7 @@ def test_bytes_arrive_unchanged_or_the_connection_is_reset(faults, data):
             case "arrive":
                 for each in wires[1 - side].arriving():
                     parsed = frames.parse(each)
-                    if parsed is None or parsed.to != side + 1:
+                    if parsed is None or parsed[1] != side + 1:
                         continue
                     if (arrived := one.feed(parsed)) is not None:
                         got[side] += arrived

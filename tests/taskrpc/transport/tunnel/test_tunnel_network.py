@@ -22,11 +22,6 @@ async def served(programs, callback=add, **settings):
     return server, node, client
 
 
-def kind_of(datagram):
-    parsed = frames.parse(datagram)
-    return parsed and parsed.kind
-
-
 # Faults of the middleware
 
 
