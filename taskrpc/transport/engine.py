@@ -1,11 +1,12 @@
 """The interface that each middleware implements: presence, datagrams, native services and topics.
 
-A middleware is software that carries services and topics itself, such as Zenoh or ROS 2. Its engine
-is a thin adapter. Two taskrpc programs do not call each other by the middleware's own services:
-`taskrpc.transport.tunnel` makes connections out of the engine's datagrams, so that deadlines,
-cancellation, typed errors and exactly-once work as over TCP. The middleware's own services and
-topics are called native. They connect taskrpc programs with foreign programs: all programs of the
-middleware that are not taskrpc's.
+A middleware is software that carries messages between programs, such as Zenoh or ROS 2. Its engine
+is a thin adapter. `taskrpc.transport.tunnel` makes connections between taskrpc programs out of the
+engine's datagrams. So deadlines, cancellation, typed errors and exactly-once work as over TCP.
+
+Most middlewares have services and topics of their own, called native. They connect taskrpc programs
+with foreign programs: all programs of the middleware that are not taskrpc's. A `NativeEngine` uses
+them. Without them, topics travel over the connections too.
 
 All methods are called on the event loop, and must not block. An engine with threads passes what it
 receives to the loop with `call_soon_threadsafe`.
@@ -14,7 +15,7 @@ receives to the loop with `call_soon_threadsafe`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import msgspec
 
@@ -118,6 +119,11 @@ class Engine(Protocol):
 
     def close(self) -> None:
         """Leave the middleware; no event follows. May be called without `open`, and twice."""
+
+
+@runtime_checkable
+class NativeEngine(Engine, Protocol):
+    """An engine whose middleware has services and topics of its own."""
 
     def update(self, change: EntryChange) -> None:
         """Show a node, service or client of this program in the middleware's own graph."""

@@ -39,7 +39,7 @@ from taskrpc.transport.base import (
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.connection.deadline_timer import clock_of
 from taskrpc.transport.endpoint import Endpoint
-from taskrpc.transport.engine import Cancelable, Closable, Engine, ForeignServer, NativeReply
+from taskrpc.transport.engine import Cancelable, Closable, ForeignServer, NativeEngine, NativeReply
 from taskrpc.transport.memory import Hub, MemoryNetwork
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.settings import Settings
@@ -57,7 +57,7 @@ drops the oldest one when more arrive."""
 class Native:
     """The native side of one program."""
 
-    def __init__(self, engine: Engine, settings: Settings) -> None:
+    def __init__(self, engine: NativeEngine, settings: Settings) -> None:
         self._engine = engine
         self._domain = settings.domain
         self._served: dict[str, tuple[_Served, Closable]] = {}
@@ -268,7 +268,7 @@ class NativeCall(IncomingCall, eq=False, kw_only=True):
 class _ForeignService:
     """A foreign service as the server inside this process offers it."""
 
-    def __init__(self, engine: Engine, name: str, srv_type: ServiceType, node: str) -> None:
+    def __init__(self, engine: NativeEngine, name: str, srv_type: ServiceType, node: str) -> None:
         self.offer = Offer(name=name, srv_type=srv_type, node=node, serve=self._arrived)
         self._engine = engine
         self._waiting: deque[IncomingCall] = deque()

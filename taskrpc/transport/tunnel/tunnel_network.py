@@ -14,7 +14,7 @@ import msgspec
 from taskrpc.errors import NameInUse
 from taskrpc.security.roles import account_of
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
-from taskrpc.transport.engine import Engine
+from taskrpc.transport.engine import Engine, NativeEngine
 from taskrpc.transport.limits.log_throttling import ThrottledLog
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.settings import Settings
@@ -53,8 +53,12 @@ class TunnelNetwork:
         self.token = PUBLIC_TOKEN if is_open else settings.token or os.urandom(32)
         self._shown_token = PUBLIC_TOKEN if is_open else b""
         """The token that other programs find in the announcement."""
-        self.native = Native(engine, settings) if is_open else None
         self._engine = engine
+        self._native_engine = engine if isinstance(engine, NativeEngine) else None
+        """The engine again, if its middleware has services and topics of its own."""
+        self.native = (
+            Native(self._native_engine, settings) if is_open and self._native_engine else None
+        )
         self._directory = Directory()
         self._own: TrackedEntry | None = None
         """The entry of this program; None until it publishes anything."""
@@ -142,7 +146,8 @@ class TunnelNetwork:
             )
         tracked.apply(change)
         self._own = tracked
-        self._engine.update(change)
+        if self._native_engine is not None:
+            self._native_engine.update(change)
         self._changed()
         if not self._announcing:
             self._announcing = True
@@ -172,7 +177,9 @@ class TunnelNetwork:
     def entries(self) -> list[RegistryEntry]:
         """The entries of all taskrpc programs, and of the foreign nodes."""
         own = [] if self._own is None else [self._own.entry()]
-        return own + self._directory.entries() + self._engine.foreign_entries()
+        native = self._native_engine
+        foreign = [] if native is None else native.foreign_entries()
+        return own + self._directory.entries() + foreign
 
     def peers(self) -> list[Address]:
         """Return an empty list: every program announces itself."""
