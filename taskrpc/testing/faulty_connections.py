@@ -152,8 +152,9 @@ class FaultyPipe(Pipe):
             self._delivery_planned = True
             self._loop.call_soon(self._deliver, context=self.context)
 
-    def _caught_up(self) -> None:
-        self._loop.call_soon(super()._caught_up, context=self.context)
+    def _wake_sender(self) -> None:
+        sender = cast("FaultyPipe", self.peer)
+        self._loop.call_soon(super()._wake_sender, context=sender.context)
 
     def _lose(self) -> None:
         if not self._lost:

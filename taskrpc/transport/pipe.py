@@ -137,13 +137,10 @@ class Pipe(ReadingEnd):
         self._loop.call_soon(self._lose)
 
     def _wake_sender(self) -> None:
-        if not self.peer._lost:
-            self.peer._caught_up()
-
-    def _caught_up(self) -> None:
-        """Resume writing: the other end has read most of the bytes."""
-        self.peer._sender_waits = False
-        self._protocol.resume_writing()
+        peer = self.peer
+        if not peer._lost:
+            self._sender_waits = False
+            peer._protocol.resume_writing()
 
 
 def join(
