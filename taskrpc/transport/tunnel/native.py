@@ -69,7 +69,7 @@ class Native:
         self._inner: Endpoint | None = None
         """The server inside this process; None before the first foreign service is found."""
         self._inner_network: MemoryNetwork | None = None
-        self._closing: asyncio.Task[None] | None = None
+        self._closed = False
         self._numbers = itertools.count(1)
 
     # NativeSide: services of this program
@@ -128,7 +128,7 @@ class Native:
 
     def address_of(self, service: str) -> Address | None:
         """Return the address at which this program reaches a foreign service; None without one."""
-        servers = self._engine.foreign_servers(service)
+        servers = [] if self._closed else self._engine.foreign_servers(service)
         if not servers:
             self._drop(service)
             return None
@@ -154,8 +154,9 @@ class Native:
         for name in list(self._foreign):
             self.address_of(name)
 
-    def close(self) -> None:
+    async def close(self) -> None:
         """End all native services and calls."""
+        self._closed = True
         for _, closable in self._served.values():
             closable.close()
         self._served.clear()
@@ -163,7 +164,7 @@ class Native:
             self._drop(name)
         if self._inner is not None:
             inner, self._inner = self._inner, None
-            self._closing = asyncio.get_running_loop().create_task(inner.release())
+            await inner.release()
 
     def _type_of(self, servers: list[ForeignServer]) -> ServiceType:
         """Return the class for calls to these servers.

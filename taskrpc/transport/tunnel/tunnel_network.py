@@ -96,16 +96,16 @@ class TunnelNetwork:
         return self._engine.place
 
     async def stop_listening(self) -> None:
-        """Accept no more connections."""
+        """Accept no more connections and native calls."""
         self._factory = None
+        if self.native is not None:
+            await self.native.close()
 
     def close(self) -> None:
         """Leave the middleware."""
         self._closed = True
         if self._opening is not None:
             self._opening.cancel()
-        if self.native is not None:
-            self.native.close()
         self._end_streams("the node was destroyed", tell=True)
         self._engine.close()
 

@@ -161,6 +161,21 @@ async def test_a_cancelled_call_that_waits_is_never_sent(programs):
     await asyncio.gather(*calls[1:-2])
 
 
+async def test_a_program_that_ends_leaves_no_call_and_no_task(programs):
+    robot = Robot(await programs.foreign())
+    before = asyncio.all_tasks()
+    async with taskrpc.Node("brief", transport="tunnel", listen="brief") as brief:
+        brief.create_service(Add, "add", add)
+        client = brief.create_client(Add, "move")
+        assert await client.wait_for_service(60)
+        call = client.call_async(ask())
+        await until(lambda: robot.calls)
+    assert isinstance(await outcome(call), taskrpc.OutcomeUnknown)
+    assert robot.calls[0][1].is_over
+    assert asyncio.all_tasks() == before
+    assert isinstance(await native_call(robot.engine, "/add", ask()), taskrpc.ServiceUnavailable)
+
+
 async def test_the_error_of_an_engine_reaches_the_caller(programs):
     robot, client = await robot_and_client(programs)
     call = client.call_async(ask())
