@@ -26,6 +26,7 @@ from taskrpc.robot.protocol import Plan, Pose
 from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.records.store import MemoryStore
 from taskrpc.testing import VirtualTimeLoop
+from taskrpc.transport.shared_endpoint import TRANSPORTS, Registration
 
 FIGURES = Path(__file__).with_name("steps.json")
 VERSION = f"{sys.version_info.major}.{sys.version_info.minor}"
@@ -57,16 +58,18 @@ def types(request: Any, response: Any) -> Any:
 
 @asynccontextmanager
 async def connected(
-    srv_type: Any, callback: Any, *, once: bool = False, **options: Any
+    srv_type: Any, callback: Any, *, once: bool = False, transport: str = "memory", **options: Any
 ) -> AsyncIterator[Any]:
     """A client in one process, so to speak, and its server in another."""
     store = taskrpc.MemoryCompletions() if once else None
     async with (
-        taskrpc.Node("server", transport="memory", token="server") as server,
-        taskrpc.Node("client", transport="memory", token="client") as node,
+        taskrpc.Node("server", transport=transport, listen="server") as server,
+        taskrpc.Node("client", transport=transport, listen="client") as node,
     ):
         server.create_service(srv_type, "work", callback, concurrency=IN_FLIGHT, exactly_once=store)
-        yield node.create_client(srv_type, "work", **options)
+        client = node.create_client(srv_type, "work", **options)
+        await client.wait_for_service()
+        yield client
 
 
 def calling(
@@ -202,6 +205,7 @@ WORKS: dict[str, tuple[Callable[[], Awaitable[int]], int]] = {
     f"a call of {IN_FLIGHT} at a time": (calling(Add, add, _two_ints, in_flight=IN_FLIGHT), CALLS),
     "a call of an async callback": (calling(Add, add_later, _two_ints), CALLS),
     "a call with 64 KiB": (calling(Types, types, Types.Request(names=["x" * PAYLOAD])), CALLS),
+    "a call over a middleware": (calling(Add, add, _two_ints, transport="tunnel"), CALLS),
     "a call with a retry policy": (
         calling(Add, add, _two_ints, retry=taskrpc.RetryPolicy()),
         CALLS,
@@ -236,7 +240,8 @@ async def steps_of(work: Work) -> int:
 
 
 def count_all() -> dict[str, float]:
-    """Steps of one of each."""
+    """Steps of one of each, in a process of their own: `TRANSPORTS` changes."""
+    TRANSPORTS["tunnel"] = Registration("taskrpc.testing.memory_engine:open_network")
     counts = {}
     for name, (measure, pieces) in WORKS.items():
         with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
