@@ -1,7 +1,8 @@
 """How calls and messages travel between processes.
 
-Start with `base`, the interface between nodes and any transport; `endpoint` implements it over
-connections, and `shared_endpoint` gives the nodes of an event loop one endpoint. The folders hold
-one idea each: `discovery`, `limits`, `connection`, `pubsub`, `tcp`. The bytes of the protocol are
-in `taskrpc.wire`; handlers, queues and retries lie above this package.
+Start with `endpoint`, which nodes use; `base` is what they pass to each other, and
+`shared_endpoint` is the list of the transports. A transport implements `network`, or over a
+middleware `engine`. The folders hold one idea each: `discovery`, `limits`, `connection`, `pubsub`,
+`tcp`, `tunnel`. The bytes of the protocol are in `taskrpc.wire`; handlers, queues and retries lie
+above this package.
 """

@@ -95,7 +95,7 @@ class Engine(Protocol):
     name: str
     """The middleware as errors name it, such as `Zenoh`."""
     place: str
-    """The address to which other programs send this program's datagrams; set by `open`."""
+    """The address to which other programs send this program's datagrams, "" before `open`."""
 
     async def open(self, events: EngineEvents) -> None:
         """Join the middleware. Raises TaskRpcError with what the user can do.
@@ -107,7 +107,8 @@ class Engine(Protocol):
         """Send a datagram of at most 64 KiB and a header to the program at a place.
 
         Two datagrams to one place keep their order. A datagram may get lost without notice:
-        connections detect it and end.
+        connections detect it and end. A place may come from a stranger: the engine must not send
+        anything outside its own names.
         """
 
     def announce(self, entry: bytes) -> None:
@@ -129,7 +130,10 @@ class NativeEngine(Engine, Protocol):
         """Show a node, service or client of this program in the middleware's own graph."""
 
     def foreign_entries(self) -> list[RegistryEntry]:
-        """Return the foreign nodes with their services and topics, for `Node.graph`."""
+        """Return the foreign nodes with their services and topics, for `Node.graph`.
+
+        Commands print the names: leave out names with control characters.
+        """
 
     def foreign_servers(self, service: str) -> list[ForeignServer]:
         """Return the native servers of a service in foreign programs; the name is absolute."""

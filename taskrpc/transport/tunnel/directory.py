@@ -7,9 +7,27 @@ from collections.abc import Collection, Iterator
 import msgspec
 
 from taskrpc.transport.discovery.entries import RegistryEntry, TrackedEntry
+from taskrpc.wire import messages
+from taskrpc.wire.messages import Listing, Name
 
-_encode = msgspec.msgpack.Encoder().encode
-_decode = msgspec.msgpack.Decoder(RegistryEntry).decode
+MAX_SCRIPT = 200
+"""Characters of a script's name in a presence."""
+
+
+class Presence(msgspec.Struct, array_like=True):
+    """What a program shows to all others; a msgpack array. Later versions may append fields."""
+
+    script: Name
+    since: float
+    """When the program started, in seconds since 1970."""
+    accepts: bool
+    """Whether it accepts calls."""
+    token: bytes
+    """The token that it expects from everybody, b"" if the token is a secret."""
+    names: Listing
+
+
+_decode = messages.decoder(Presence)
 
 
 class Directory:
@@ -20,17 +38,25 @@ class Directory:
         """Counts the changes."""
         self._programs: dict[str, TrackedEntry] = {}
 
-    def seen(self, place: str, announced: bytes) -> bool:
-        """Add a program, or replace its entry; return whether the announcement is valid."""
-        try:
-            entry = _decode(announced)
-            bytes.fromhex(entry.token)
-        except (msgspec.MsgspecError, ValueError):
-            return False
-        address = place if entry.address else ""
-        self._programs[place] = TrackedEntry(msgspec.structs.replace(entry, address=address))
+    def seen(self, place: str, presence: bytes) -> None:
+        """Add a program, or replace its entry. Raises ProtocolError for an invalid presence."""
+        shown = _decode(presence)
+        address = place if shown.accepts else ""
+        entry = RegistryEntry(
+            pid=0,
+            script=shown.script,
+            folder="",
+            since=shown.since,
+            address=address,
+            token=shown.token.hex(),
+            nodes=tuple(shown.names.nodes),
+            services=tuple(shown.names.services),
+            clients=tuple(shown.names.clients),
+            publishers=tuple(shown.names.publishers),
+            subscriptions=tuple(shown.names.subscriptions),
+        )
+        self._programs[place] = TrackedEntry(entry)
         self.revision += 1
-        return True
 
     def gone(self, place: str) -> bool:
         """Remove a program; return whether it was there."""
@@ -39,12 +65,10 @@ class Directory:
         self.revision += 1
         return True
 
-    def clear(self) -> list[str]:
-        """Remove all programs; return their places."""
-        places = list(self._programs)
+    def clear(self) -> None:
+        """Remove all programs."""
         self._programs.clear()
         self.revision += 1
-        return places
 
     def __contains__(self, place: str) -> bool:
         return place in self._programs
@@ -67,11 +91,14 @@ class Directory:
         return [each.entry() for each in self._programs.values()]
 
 
-def announcement(entry: RegistryEntry, token: bytes) -> bytes:
-    """Return what others may see of this program's entry; `token` is empty or no secret.
-
-    The process id and the folder have no meaning on another machine.
-    """
-    return _encode(
-        msgspec.structs.replace(entry, pid=0, folder="", certificate="", token=token.hex())
+def presence_of(entry: RegistryEntry, token: bytes) -> bytes:
+    """Return what others may see of this program; `token` is empty or no secret."""
+    script = "".join(each if each.isprintable() else "?" for each in entry.script[:MAX_SCRIPT])
+    names = Listing(
+        list(entry.nodes),
+        list(entry.services),
+        list(entry.clients),
+        list(entry.publishers),
+        list(entry.subscriptions),
     )
+    return messages.encode(Presence(script, entry.since, bool(entry.address), token, names))

@@ -11,15 +11,16 @@ from typing import cast
 
 import msgspec
 
-from taskrpc.errors import NameInUse
+from taskrpc.errors import NameInUse, ProtocolError
 from taskrpc.security.roles import account_of
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.engine import Engine, NativeEngine
 from taskrpc.transport.limits.log_throttling import ThrottledLog
 from taskrpc.transport.network import Address, Factory
+from taskrpc.transport.pipe import join
 from taskrpc.transport.settings import Settings
 from taskrpc.transport.tunnel import frames
-from taskrpc.transport.tunnel.directory import Directory, announcement
+from taskrpc.transport.tunnel.directory import Directory, presence_of
 from taskrpc.transport.tunnel.frames import Datagram, Kind
 from taskrpc.transport.tunnel.native import PLACE as NATIVE
 from taskrpc.transport.tunnel.native import Native
@@ -115,7 +116,9 @@ class TunnelNetwork:
         """Connect. Raises OSError."""
         if self.native is not None and address.place == NATIVE:
             return await self.native.dial(factory)
-        if address.place not in self._directory and address.place != self._engine.place:
+        if address.place == self._engine.place:
+            return await self._connect_here(factory)
+        if address.place not in self._directory:
             raise ConnectionRefusedError(f"no program is at {address.place}")
         own_id = self._new_id()
         connected = asyncio.get_running_loop().create_future()
@@ -225,12 +228,13 @@ class TunnelNetwork:
         """Note a program, or its new entry."""
         if place == self._engine.place or self._closed:
             return
-        if self._directory.seen(place, entry):
-            self._changed()
+        try:
+            self._directory.seen(place, entry)
+        except ProtocolError as error:
+            now, text = asyncio.get_running_loop().time(), "ignored the program at %s: %s"
+            self._garbage_log.warning(now, text, place, error)
         else:
-            self._garbage_log.warning(
-                asyncio.get_running_loop().time(), "ignored the invalid announcement of %s", place
-            )
+            self._changed()
 
     def program_gone(self, place: str) -> None:
         """Forget a program, and end its connections."""
@@ -260,9 +264,19 @@ class TunnelNetwork:
         """Go on; the programs are reported again."""
         log.warning("%s works again", self._engine.name)
         self.problem = ""
+        self._announce()
         self._changed()
 
     # Connections
+
+    async def _connect_here(self, factory: Factory) -> asyncio.BaseProtocol:
+        """Connect two nodes of this program, without the engine."""
+        await asyncio.sleep(0)
+        if self._factory is None:
+            raise ConnectionRefusedError("this program accepts no calls")
+        client = factory()
+        join(client, self._factory(), self._engine.place)
+        return client
 
     def _received_without_stream(self, datagram: Datagram) -> None:
         kind, to, _, limit, data = datagram
@@ -341,7 +355,7 @@ class TunnelNetwork:
     def _announce(self) -> None:
         self._announcing = False
         if self._own is not None and not self._closed:
-            self._engine.announce(announcement(self._own.entry(), self._shown_token))
+            self._engine.announce(presence_of(self._own.entry(), self._shown_token))
 
     def _changed(self) -> None:
         self._foreign_revision += 1

@@ -288,12 +288,22 @@ async def test_an_announcement_has_no_secret_and_nothing_of_this_machine(program
     assert not any(b"the secret".hex().encode() in each for each in announced)
 
 
+async def test_nodes_of_one_program_call_each_other_without_the_middleware(programs):
+    programs.bus.faults = lambda place, datagram: pytest.fail("a datagram was sent")
+    node = await programs.node("node")
+    node.create_service(Add, "add", add)
+    client = node.create_client(Add, "add")
+    assert (await client.call(ask(1, 2))).sum == 3
+    node._transport.network.interrupted("the router is gone")
+    assert (await client.call(ask(1, 2))).sum == 3
+
+
 async def test_an_invalid_announcement_is_ignored(programs, caplog):
     _, node, client = await served(programs)
     for garbage in (b"", b"\xc1", b"\x80", bytes(100)):
         node._transport.network.program_seen("elsewhere", garbage)
     assert all("elsewhere" not in each.address for each in await node.graph())
-    assert "ignored the invalid announcement of elsewhere" in caplog.text
+    assert "ignored the program at elsewhere: Presence is not valid" in caplog.text
     assert (await client.call(ask(1))).sum == 1
 
 
