@@ -27,6 +27,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
+from taskrpc.observer import call_observer
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import (
     Deliver,
@@ -44,6 +45,7 @@ from taskrpc.transport.memory import Hub, MemoryNetwork
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.settings import Settings
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
+from taskrpc.wire.status import code_of
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -239,8 +241,10 @@ class _Served:
             request=request,
             arrived=self._clock(),
             way_back=reply,
-            srv_type=offer.srv_type,
+            offer=offer,
         )
+        if offer.observer is not None:
+            call_observer(offer.observer.call_began, call)
         offer.serve(call)
 
 
@@ -248,22 +252,30 @@ class NativeCall(IncomingCall, eq=False, kw_only=True):
     """A call by a foreign program."""
 
     way_back: NativeReply
-    srv_type: ServiceType
+    offer: Offer
     answered: bool = False
 
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Send the response."""
         if body is None:
-            codec_of(self.srv_type.Response).encode(response)  # raises InvalidRequest
+            codec_of(self.offer.srv_type.Response).encode(response)  # raises InvalidRequest
         if not self.answered:
             self.answered = True
             self.way_back.reply(response)
+            if self.offer.observer is not None:
+                call_observer(self.offer.observer.call_answered, self, response)
+            self._report_end(Code.OK)
 
     def fail(self, error: TaskRpcError) -> None:
         """Tell the caller as far as the middleware can."""
         if not self.answered:
             self.answered = True
             self.way_back.fail(error)
+            self._report_end(code_of(error))
+
+    def _report_end(self, code: Code) -> None:
+        if (observer := self.offer.observer) is not None:
+            call_observer(observer.call_ended, self, code, self.clock() - self.arrived)
 
 
 class _ForeignService:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import importlib.util
 import itertools
 
 import pytest
@@ -33,6 +34,8 @@ def pytest_collection_modifyitems(items):
         if not name or not is_contract(item.path):
             continue
         case = CASES[name]
+        if case.needs and importlib.util.find_spec(case.needs) is None:
+            item.add_marker(pytest.mark.skip(reason=f"needs {case.needs}"))
         if not issubclass(case.loop, VirtualTimeLoop):
             item.add_marker(pytest.mark.real_time)
         if (reason := case.lacks.get(item.originalname)) is not None:

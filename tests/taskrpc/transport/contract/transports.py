@@ -27,6 +27,8 @@ class Case(NamedTuple):
     """The argument that gives a node an endpoint of its own; nodes with equal ones share one."""
     lacks: Mapping[str, str] = {}
     """Tests that must fail, with the reason."""
+    needs: str = ""
+    """A module without which the case is skipped."""
     by_address: bool = False
     """Whether nodes with other secrets need the server's address."""
 

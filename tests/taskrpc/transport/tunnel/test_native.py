@@ -356,12 +356,42 @@ async def test_a_service_that_the_middleware_refuses_is_not_offered_at_all(progr
     server.create_service(Add, "add", add)
 
 
-async def test_an_observed_service_is_observed_for_foreign_calls_after_a_change(programs):
-    server = await programs.node("server")
+class Notes(taskrpc.Observer):
+    """Records what an observer hears."""
+
+    def __init__(self):
+        self.log = []
+
+    def call_began(self, call):
+        self.log.append(("began", call.service, call.caller))
+
+    def call_answered(self, call, response):
+        self.log.append(("answered", response.sum))
+
+    def call_ended(self, call, code, seconds):
+        self.log.append(("ended", code, seconds))
+
+
+async def test_observers_hear_of_foreign_calls(programs, caplog):
+    notes, later = Notes(), Notes()
+    server = await programs.node("server", observer=notes)
     service = server.create_service(Add, "add", add)
-    service.observe(None)
+    server.create_service(Add, "fail", lambda *_: 1 / 0)
     robot = await programs.foreign()
-    assert (await native_call(robot, "/add", ask(1))).sum == 1
+    robot.update(EntryChange(node="/robot"))
+    await native_call(robot, "/add", ask(1, 2))
+    await native_call(robot, "/fail", ask())
+    assert notes.log == [
+        ("began", "/add", "/robot"),
+        ("answered", 3),
+        ("ended", taskrpc.Code.OK, 0.0),
+        ("began", "/fail", "/robot"),
+        ("ended", taskrpc.Code.INTERNAL, 0.0),
+    ]
+    notes.log.clear()
+    service.observe(later)
+    await native_call(robot, "/add", ask(2, 2))
+    assert (notes.log, later.log[1]) == ([], ("answered", 4))
     service.destroy()
     assert isinstance(await native_call(robot, "/add", ask(1)), taskrpc.ServiceUnavailable)
 
