@@ -34,8 +34,6 @@ class Directory:
     """The entries of the other programs, by place."""
 
     def __init__(self) -> None:
-        self.revision = 0
-        """Counts the changes."""
         self._programs: dict[str, TrackedEntry] = {}
 
     def seen(self, place: str, presence: bytes) -> None:
@@ -56,19 +54,14 @@ class Directory:
             subscriptions=tuple(shown.names.subscriptions),
         )
         self._programs[place] = TrackedEntry(entry)
-        self.revision += 1
 
     def gone(self, place: str) -> bool:
         """Remove a program; return whether it was there."""
-        if self._programs.pop(place, None) is None:
-            return False
-        self.revision += 1
-        return True
+        return self._programs.pop(place, None) is not None
 
     def clear(self) -> None:
         """Remove all programs."""
         self._programs.clear()
-        self.revision += 1
 
     def __contains__(self, place: str) -> bool:
         return place in self._programs

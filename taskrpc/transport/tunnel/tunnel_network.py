@@ -5,9 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import os
-from collections import OrderedDict
 from collections.abc import Callable, Collection
-from typing import cast
 
 import msgspec
 
@@ -19,20 +17,15 @@ from taskrpc.transport.limits.log_throttling import ThrottledLog
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.pipe import join
 from taskrpc.transport.settings import Settings
-from taskrpc.transport.tunnel import frames
 from taskrpc.transport.tunnel.directory import Directory, presence_of
-from taskrpc.transport.tunnel.frames import Datagram, Kind
 from taskrpc.transport.tunnel.native import PLACE as NATIVE
 from taskrpc.transport.tunnel.native import Native
-from taskrpc.transport.tunnel.stream import WINDOW, Stream
-from taskrpc.transport.tunnel.stream_transport import StreamTransport
+from taskrpc.transport.tunnel.stream_table import StreamTable
 
 log = logging.getLogger("taskrpc.transport")
 
 PUBLIC_TOKEN = b"taskrpc: no secret"
 """The token of programs without a secret, which every program of the middleware may call."""
-FORGOTTEN = 1024
-"""Ended connections that are remembered, so that late datagrams get a RST."""
 
 
 class TunnelNetwork:
@@ -63,22 +56,17 @@ class TunnelNetwork:
         self._directory = Directory()
         self._own: TrackedEntry | None = None
         """The entry of this program; None until it publishes anything."""
-        self._factory: Factory | None = None
-        """Makes the protocol of an accepted connection; None while none is accepted."""
-        self._streams: dict[int, StreamTransport] = {}
-        """The connections by the id that this program has chosen."""
-        self._accepted: dict[tuple[str, int], int] = {}
-        """The id of each accepted connection, by the caller's place and id."""
-        self._dialling: dict[int, tuple[str, Factory, asyncio.Future[asyncio.BaseProtocol]]] = {}
-        """The connections that wait for an ACK: the server's place, and what follows."""
-        self._forgotten: OrderedDict[int, tuple[str, int]] = OrderedDict()
-        """The place and peer id of connections that ended a short time ago."""
+        self._table = StreamTable(engine.send)
+        """The connections of this program."""
+        self.received = self._table.received
+        """Of `EngineEvents`; no method of its own, which would add a function call."""
         self._opening: asyncio.Task[None] | None = None
         self._announcing = False
         self._closed = False
         self._change: asyncio.Future[None] | None = None
         """Done at the next change of the directory."""
-        self._foreign_revision = 0
+        self._revision = 0
+        """Counts the changes of the directory and of the foreign programs."""
         self.problem = ""
         """Why the middleware is interrupted, "" while it is not."""
         self._garbage_log = ThrottledLog(log)
@@ -93,12 +81,12 @@ class TunnelNetwork:
 
     def listen(self, factory: Factory) -> str:
         """Accept connections from now on; return this program's place."""
-        self._factory = factory
+        self._table.accepts = factory
         return self._engine.place
 
     async def stop_listening(self) -> None:
         """Accept no more connections and native calls."""
-        self._factory = None
+        self._table.accepts = None
         if self.native is not None:
             await self.native.close()
 
@@ -107,7 +95,7 @@ class TunnelNetwork:
         self._closed = True
         if self._opening is not None:
             self._opening.cancel()
-        self._end_streams("the node was destroyed", tell=True)
+        self._table.end_all("the node was destroyed", tell=True)
         self._engine.close()
 
     # Network: connections
@@ -120,14 +108,16 @@ class TunnelNetwork:
             return await self._connect_here(factory)
         if address.place not in self._directory:
             raise ConnectionRefusedError(f"no program is at {address.place}")
-        own_id = self._new_id()
-        connected = asyncio.get_running_loop().create_future()
-        self._dialling[own_id] = address.place, factory, connected
-        self._engine.send(address.place, frames.pack_syn(own_id, self._engine.place, WINDOW))
-        try:
-            return cast("asyncio.BaseProtocol", await connected)
-        finally:
-            self._dialling.pop(own_id, None)
+        return await self._table.dial(address.place, self._engine.place, factory)
+
+    async def _connect_here(self, factory: Factory) -> asyncio.BaseProtocol:
+        """Connect two nodes of this program, without the engine."""
+        await asyncio.sleep(0)
+        if self._table.accepts is None:
+            raise ConnectionRefusedError("this program accepts no calls")
+        client = factory()
+        join(client, self._table.accepts(), self._engine.place)
+        return client
 
     def peer_credentials(self, transport: asyncio.BaseTransport, *, serving: bool) -> None:
         """Return None: only the token proves who the peer is."""
@@ -194,7 +184,7 @@ class TunnelNetwork:
 
     def mark(self) -> object:
         """The present state of the directory, for `changed`."""
-        return self._directory.revision, self._foreign_revision
+        return self._revision
 
     async def changed(self, mark: object, polls_fast: Callable[[], bool]) -> None:
         """Return once the directory differs from the mark."""
@@ -204,25 +194,6 @@ class TunnelNetwork:
             await asyncio.shield(self._change)
 
     # EngineEvents
-
-    def received(self, datagram: bytes) -> None:
-        """Pass a datagram to its connection; SYN makes a new one."""
-        parsed = frames.parse(datagram)
-        if parsed is None:
-            self._garbage_log.warning(
-                asyncio.get_running_loop().time(), "ignored a datagram that is not taskrpc's"
-            )
-            return
-        transport = self._streams.get(parsed[1])
-        if transport is None:
-            self._received_without_stream(parsed)
-            return
-        try:
-            transport.feed(parsed)
-        except Exception as error:  # an engine passes datagrams of other connections next
-            context = {"message": "a tunnelled connection failed", "exception": error}
-            asyncio.get_running_loop().call_exception_handler(context)
-            transport.abort()
 
     def program_seen(self, place: str, entry: bytes) -> None:
         """Note a program, or its new entry."""
@@ -240,16 +211,12 @@ class TunnelNetwork:
         """Forget a program, and end its connections."""
         if self._directory.gone(place):
             self._changed()
-        for transport in list(self._streams.values()):
-            if transport.place == place:
-                transport.vanish()
-        self._refuse_dialled(f"the program at {place} has left", place)
+        self._table.program_gone(place)
 
     def foreign_changed(self) -> None:
         """Look at the native servers again."""
         if self.native is not None and not self._closed:
             self.native.foreign_changed()
-        self._foreign_revision += 1
         self._changed()
 
     def interrupted(self, reason: str) -> None:
@@ -257,7 +224,7 @@ class TunnelNetwork:
         log.warning("%s is interrupted: %s", self._engine.name, reason)
         self.problem = reason
         self._directory.clear()
-        self._end_streams(reason, tell=False)
+        self._table.end_all(reason, tell=False)
         self.foreign_changed()
 
     def resumed(self) -> None:
@@ -267,89 +234,6 @@ class TunnelNetwork:
         self._announce()
         self._changed()
 
-    # Connections
-
-    async def _connect_here(self, factory: Factory) -> asyncio.BaseProtocol:
-        """Connect two nodes of this program, without the engine."""
-        await asyncio.sleep(0)
-        if self._factory is None:
-            raise ConnectionRefusedError("this program accepts no calls")
-        client = factory()
-        join(client, self._factory(), self._engine.place)
-        return client
-
-    def _received_without_stream(self, datagram: Datagram) -> None:
-        kind, to, _, limit, data = datagram
-        if kind == Kind.SYN:
-            self._accept(data, limit)
-        elif to in self._dialling:
-            self._dialled(datagram)
-        elif kind == Kind.DATA and to in self._forgotten:
-            # The peer has missed the end of the connection.
-            place, peer = self._forgotten[to]
-            self._engine.send(place, frames.pack_reset(peer, "the connection has ended"))
-
-    def _accept(self, data: memoryview, limit: int) -> None:
-        caller = frames.parse_syn(data)
-        if caller is None or self._closed:
-            return
-        peer, place = caller
-        if (known := self._accepted.get((place, peer))) is not None:
-            self._engine.send(place, frames.pack_ack(peer, known, WINDOW))
-        elif self._factory is None:
-            self._engine.send(place, frames.pack_reset(peer, "the program accepts no calls"))
-        else:
-            own_id = self._new_id()
-            self._accepted[place, peer] = own_id
-            self._engine.send(place, frames.pack_ack(peer, own_id, WINDOW))
-            self._join(self._factory(), place, own_id, Stream(peer, limit))
-
-    def _dialled(self, datagram: Datagram) -> None:
-        kind, to, _, limit, data = datagram
-        place, factory, connected = self._dialling[to]
-        if connected.done():
-            return
-        if kind == Kind.RST:
-            connected.set_exception(ConnectionRefusedError(frames.parse_reset(data)))
-        elif kind == Kind.ACK and (peer := frames.parse_ack(data)) is not None:
-            protocol = factory()
-            self._join(protocol, place, to, Stream(peer, limit))
-            connected.set_result(protocol)
-
-    def _join(
-        self, protocol: asyncio.BufferedProtocol, place: str, own_id: int, stream: Stream
-    ) -> None:
-        def ended(lost: StreamTransport) -> None:
-            del self._streams[own_id]
-            self._accepted.pop((place, stream.peer), None)
-            self._forgotten[own_id] = place, stream.peer
-            if len(self._forgotten) > FORGOTTEN:
-                self._forgotten.popitem(last=False)
-
-        transport = StreamTransport(protocol, place, stream, self._engine.send, ended)
-        self._streams[own_id] = transport
-        protocol.connection_made(transport)
-
-    def _new_id(self) -> int:
-        # Random, so that no program can guess the ids of another program's connections.
-        while True:
-            found = int.from_bytes(os.urandom(8), "little")
-            if found and found not in self._streams and found not in self._dialling:
-                return found
-
-    def _end_streams(self, reason: str, *, tell: bool) -> None:
-        for transport in list(self._streams.values()):
-            if tell:
-                transport.abort()
-            else:
-                transport.vanish()
-        self._refuse_dialled(reason)
-
-    def _refuse_dialled(self, reason: str, place: str = "") -> None:
-        for there, _, connected in self._dialling.values():
-            if place in ("", there) and not connected.done():
-                connected.set_exception(ConnectionRefusedError(reason))
-
     # Presence
 
     def _announce(self) -> None:
@@ -358,7 +242,7 @@ class TunnelNetwork:
             self._engine.announce(presence_of(self._own.entry(), self._shown_token))
 
     def _changed(self) -> None:
-        self._foreign_revision += 1
+        self._revision += 1
         if self._change is not None:
             self._change.set_result(None)
             self._change = None

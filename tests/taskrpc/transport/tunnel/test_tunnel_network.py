@@ -117,8 +117,8 @@ async def test_garbage_disturbs_no_connection(programs):
     server, node, client = await served(programs)
     chance = random.Random(5)
     loop = asyncio.get_running_loop()
-    streams = server._transport.network._streams
-    ids = [*streams, *node._transport.network._streams]
+    streams = server._transport.network._table.streams
+    ids = [*streams, *node._transport.network._table.streams]
     loop.set_exception_handler(lambda loop, context: pytest.fail(str(context)))
     for number in range(300):
         for each in programs.bus.engines.values():
@@ -139,12 +139,12 @@ async def test_a_flood_of_requests_for_connections_takes_bounded_memory(programs
         network.received(frames.pack_syn(number + 1, f"place {number % 50}", 1000))
         if not number % 100:
             await asyncio.sleep(0)
-    assert len(network._streams) <= MAX_UNAUTHENTICATED + 110
-    assert len(network._accepted) == len(network._streams)
+    assert len(network._table.streams) <= MAX_UNAUTHENTICATED + 110
+    assert len(network._table.accepted) == len(network._table.streams)
     assert (await client.call(ask(1))).sum == 1
     await asyncio.sleep(10)
-    assert len(network._streams) == len(network._accepted) == 1
-    assert len(network._forgotten) <= 1024
+    assert len(network._table.streams) == len(network._table.accepted) == 1
+    assert len(network._table.forgotten) <= 1024
 
 
 async def test_an_error_in_one_connection_does_not_disturb_another(programs, monkeypatch):
@@ -247,8 +247,8 @@ async def test_hours_of_calls_leave_nothing_behind(programs):
     for number in range(4):
         assert (await client.call(ask(number))).sum == number
         await asyncio.sleep(3600)
-    assert len(server._transport.network._streams) == 1
-    assert len(node._transport.network._streams) == 1
+    assert len(server._transport.network._table.streams) == 1
+    assert len(node._transport.network._table.streams) == 1
 
 
 async def test_closed_connections_are_forgotten(programs):
@@ -257,8 +257,12 @@ async def test_closed_connections_are_forgotten(programs):
         other = brief.create_client(Add, "add")
         assert await other.wait_for_service(60)
         network = brief._transport.network
-    assert (network._streams, network._accepted, network._dialling) == ({}, {}, {})
-    await until(lambda: len(server._transport.network._streams) == 1)
+    assert (network._table.streams, network._table.accepted, network._table.dialling) == (
+        {},
+        {},
+        {},
+    )
+    await until(lambda: len(server._transport.network._table.streams) == 1)
     assert (await client.call(ask(1))).sum == 1
 
 
