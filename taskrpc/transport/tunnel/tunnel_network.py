@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection
 import msgspec
 
 from taskrpc.errors import NameInUse, ProtocolError
-from taskrpc.security.roles import account_of
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.engine import Engine, NativeEngine
 from taskrpc.transport.limits.log_throttling import ThrottledLog
@@ -255,7 +254,4 @@ class TunnelNetwork:
     def _address(self, place: str, token: str) -> Address:
         if place == self._engine.place:
             return Address(place, self.token)
-        own = self._given or b""
-        # Programs without a secret show the public token; an account's token is valid there too.
-        shown = bytes.fromhex(token)
-        return Address(place, own if account_of(own) or not shown else shown)
+        return Address(place, bytes.fromhex(token) or self._given or b"")

@@ -135,6 +135,16 @@ async def test_calls_end_at_once_when_the_foreign_server_goes(programs):
     assert len(again.calls) == 1
 
 
+async def test_a_server_that_comes_back_with_another_type_is_another_server(programs):
+    robot, client = await robot_and_client(programs)
+    call = client.call_async(ask(), timeout=None)
+    await until(lambda: robot.calls)
+    robot.server.close()
+    Robot(robot.engine, Other)
+    assert isinstance(await outcome(call), taskrpc.OutcomeUnknown)
+    assert isinstance(await outcome(client.call(ask())), taskrpc.TypeMismatch)
+
+
 async def test_a_foreign_server_gets_ten_calls_at_a_time_in_order(programs):
     robot, client = await robot_and_client(programs)
     calls = [client.call_async(ask(n)) for n in range(50)]

@@ -90,6 +90,15 @@ def test_the_end_follows_all_bytes():
     assert (one.state, other.ended) == (State.FINISHED, True)
 
 
+def test_after_the_end_no_credit_is_sent():
+    one, other = pair(window=100)
+    one.write(bytes(100))
+    one.close()
+    deliver(taken(one), other, read=False)
+    other.read(100)
+    assert other.out == []
+
+
 def test_reset_tells_the_other_end_and_drops_what_waits():
     one, other = pair(window=100)
     one.write(bytes(250))

@@ -60,6 +60,24 @@ async def test_a_connection_carries_bytes_both_ways_and_ends():
         assert len(table.forgotten) == 1
 
 
+async def test_an_end_that_waits_for_the_reader_ends_when_all_is_read():
+    wire = Wire()
+    one, other = await wire.connected()
+    other.transport.pause_reading()
+    one.transport.write(bytes(3_000_000))
+    assert one.log == ["pause"]
+    one.transport.close()
+    wire.pass_on()
+    await turns()
+    assert (one.log, other.log) == (["pause"], [])
+    other.transport.resume_reading()
+    for _ in range(10):
+        await turns()
+        wire.pass_on()
+    assert len(other.received) == 3_000_000
+    assert (one.log, other.log) == (["pause", "resume", "lost"], ["lost"])
+
+
 async def test_a_repeated_request_makes_no_second_connection():
     wire = Wire()
     dial = asyncio.ensure_future(wire.tables["ada"].dial("bob", "ada", Recorder))

@@ -302,6 +302,53 @@ async def test_nodes_of_one_program_call_each_other_without_the_middleware(progr
     assert (await client.call(ask(1, 2))).sum == 3
 
 
+async def test_a_program_with_a_secret_calls_one_without(programs):
+    server = await programs.node("server")
+    server.create_service(Add, "add", add)
+    account = taskrpc.Account("ana", "anas-secret-anas")
+    for token in ("the secret", account.token):
+        node = await programs.node(f"node{len(token)}", token=token)
+        client = node.create_client(Add, "add")
+        assert await client.wait_for_service(60)
+        assert (await client.call(ask(1, 2))).sum == 3
+
+
+async def test_a_program_that_comes_changes_or_goes_is_a_change(programs):
+    node = await programs.node("node")
+    network = node._transport.network
+    await asyncio.sleep(0.1)
+    mark = network.mark()
+    async with taskrpc.Node("other", transport="tunnel", listen="other") as other:
+        await network.changed(mark, bool)
+        await asyncio.sleep(0.1)
+        mark = network.mark()
+        other.create_service(Add, "add", add)
+        await network.changed(mark, bool)
+        await asyncio.sleep(0.1)
+        mark = network.mark()
+        await asyncio.sleep(60)
+        assert network.mark() == mark
+    await network.changed(mark, bool)
+
+
+async def test_a_program_does_not_see_itself_twice(programs):
+    node = await programs.node("node")
+    network = node._transport.network
+    await asyncio.sleep(0.1)
+    network.program_seen(node.address or network._engine.place, network._engine.announced)
+    assert [each.nodes for each in await node.graph()] == [("/node",)]
+
+
+async def test_a_program_announces_itself_again_after_an_interruption(programs, monkeypatch):
+    node = await programs.node("node")
+    network, announced = node._transport.network, []
+    await asyncio.sleep(0.1)
+    monkeypatch.setattr(network._engine, "announce", announced.append)
+    network.interrupted("the router is gone")
+    network.resumed()
+    assert announced == [network._engine.announced]
+
+
 async def test_an_invalid_announcement_is_ignored(programs, caplog):
     _, node, client = await served(programs)
     for garbage in (b"", b"\xc1", b"\x80", bytes(100)):
