@@ -253,14 +253,15 @@ class NativeCall(IncomingCall, eq=False, kw_only=True):
 
     way_back: NativeReply
     offer: Offer
-    answered: bool = False
+    ended: bool = False
+    """Whether the response or an error was sent."""
 
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Send the response."""
         if body is None:
             codec_of(self.offer.srv_type.Response).encode(response)  # raises InvalidRequest
-        if not self.answered:
-            self.answered = True
+        if not self.ended:
+            self.ended = True
             self.way_back.reply(response)
             if self.offer.observer is not None:
                 call_observer(self.offer.observer.call_answered, self, response)
@@ -268,8 +269,8 @@ class NativeCall(IncomingCall, eq=False, kw_only=True):
 
     def fail(self, error: TaskRpcError) -> None:
         """Tell the caller as far as the middleware can."""
-        if not self.answered:
-            self.answered = True
+        if not self.ended:
+            self.ended = True
             self.way_back.fail(error)
             self._report_end(code_of(error))
 

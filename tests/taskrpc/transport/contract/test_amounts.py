@@ -9,7 +9,7 @@ from tests.taskrpc.transport.helpers import Text, add, ask, served
 BIG = 32 * 1024
 
 
-async def test_sixty_four_calls_at_a_time_are_answered_in_order(net):
+async def test_sixty_four_calls_at_a_time_get_their_responses_in_order(net):
     started = []
 
     def note(request, response):

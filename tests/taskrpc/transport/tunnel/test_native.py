@@ -322,7 +322,7 @@ async def test_foreign_calls_wait_their_turn_with_all_others(programs):
     assert [each.sum for each in await asyncio.gather(*calls)] == [*range(5)]
 
 
-async def test_a_deferred_service_answers_a_foreign_client_later(programs):
+async def test_a_deferred_service_responds_to_a_foreign_client_later(programs):
     server = await programs.node("server")
     taken = []
     server.create_deferred_service(Add, "later", taken.append)

@@ -144,7 +144,7 @@ async def test_the_other_end_hears_of_the_end_if_it_can(tell):
         assert other.log == ["lost"]
 
 
-async def test_a_forgotten_connection_answers_only_data():
+async def test_a_forgotten_connection_responds_only_to_data():
     wire = Wire()
     one, other = await wire.connected()
     (own_id,) = wire.tables["ada"].streams

@@ -107,7 +107,7 @@ async def test_a_lost_request_for_a_connection_ends_in_service_unavailable(progr
     programs.bus.faults = lambda place, datagram: []
     client = node.create_client(Add, "add")
     await until_seen(node, lambda entries: any(each.offers("/add") for each in entries))
-    with pytest.raises(taskrpc.ServiceUnavailable, match="did not answer"):
+    with pytest.raises(taskrpc.ServiceUnavailable, match="did not respond"):
         await client.call(ask())
     programs.bus.faults = None
     assert (await client.call(ask(1))).sum == 1
