@@ -21,9 +21,8 @@ from taskrpc.observer import Observers
 from taskrpc.security.accounts import AccountSource
 from taskrpc.security.listen_policy import check_listen_policy
 from taskrpc.security.roles import Role
-from taskrpc.tasks import TaskServer
 from taskrpc.tasks.records.store import TaskStore
-from taskrpc.tasks.server import load_types
+from taskrpc.tasks.server import OfferedTasks, load_types
 from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
 
 try:
@@ -77,7 +76,7 @@ class Monitoring:
         self.metrics.add(measured.families)
         return measured
 
-    def web(self, server: TaskServer, node: Node, class_folder: str | None = None) -> WebServer:
+    def web(self, server: OfferedTasks, node: Node, class_folder: str | None = None) -> WebServer:
         """Return the web server of a task server and its node. Raises CannotListen.
 
         The live page shows the class of `class_folder`, if it is given.
@@ -158,7 +157,7 @@ class Monitoring:
 
     def _live_page(
         self,
-        server: TaskServer,
+        server: OfferedTasks,
         node: Node,
         students: Callable[[], list[dict[str, Any]]] | None,
     ) -> LivePage:

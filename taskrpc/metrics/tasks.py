@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from taskrpc.metrics.collector import store_families
 from taskrpc.metrics.prometheus import Family, Histogram, Kind, Sample, by_label
 from taskrpc.request_ids.ids import ClientKey, Completion
-from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.managed import ManagedTasks
 from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, Task, TaskState
 from taskrpc.tasks.records.sqlite_store import SqliteStore
 from taskrpc.tasks.records.store import Stored, TaskStore
@@ -17,7 +17,7 @@ from taskrpc.tasks.records.store import Stored, TaskStore
 _ROBOT_STATES = ("idle", "working", "paused")
 
 
-def task_families(manager: TaskManager) -> list[Family]:
+def task_families(manager: ManagedTasks) -> list[Family]:
     """Return a task manager's metrics: `metrics.add(lambda: task_families(server.manager))`."""
     tasks = list(manager.repository.tasks())
     states = Counter(task.state for task in tasks)
@@ -115,7 +115,7 @@ def _gauge(name: str, what: str, samples: Sequence[Sample]) -> Family:
     return Family(name, Kind.GAUGE, what, samples)
 
 
-def _robot_state(manager: TaskManager) -> str:
+def _robot_state(manager: ManagedTasks) -> str:
     if manager.is_paused:
         return "paused"
     return "idle" if manager.running is None else "working"

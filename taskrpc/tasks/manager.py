@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
 import msgspec
@@ -13,7 +13,7 @@ import msgspec
 from taskrpc.errors import TaskRpcError
 from taskrpc.request_ids.ids import Completion
 from taskrpc.robot.protocol import Pose, Robot, TargetError
-from taskrpc.tasks.model import EstimateChange, Task, TaskState
+from taskrpc.tasks.model import RUNNING_KEY, EstimateChange, OrderKey, Task, TaskState
 from taskrpc.tasks.queue.estimate_log import DelayLog
 from taskrpc.tasks.queue.estimated_queue import EstimatedQueue
 from taskrpc.tasks.queue.journal import JournaledQueue, QueueJournal
@@ -200,6 +200,22 @@ class TaskManager:
         if task.state.is_ended:
             return task.changes
         return self._estimated_queue.changes(task.task_id, self._worker.now())
+
+    def begun(self) -> Sequence[tuple[OrderKey, Task]]:
+        """Return the running task with its place before the queue."""
+        running = self.running
+        return [] if running is None else [(RUNNING_KEY, running)]
+
+    def waiting(self, after: OrderKey) -> Iterator[tuple[OrderKey, Task, float]]:
+        """Iterate over the stored queued tasks behind a place, in order; see `ManagedTasks`."""
+        ahead = self.seconds_ahead()
+        for queued, seconds in self.queue.ordered(max(after, RUNNING_KEY)):
+            if task := self.repository.find(queued.task_id):  # None while it is not stored yet
+                yield queued.order_key, task, ahead + seconds
+
+    def planned_robot(self, task: Task) -> str:
+        """Return "": there is only one robot."""
+        return ""
 
     # Changes; each returns when it is stored
 

@@ -126,6 +126,8 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """The address that an account submitted it from; empty without an account."""
     changes: tuple[EstimateChange, ...] = ()
     """Why it did not end at its accepted estimate; filled in when it ends."""
+    robot: str = ""
+    """The robot of a fleet that executes or executed it; empty before, and without a fleet."""
 
     @property
     def order_key(self) -> OrderKey:
@@ -171,4 +173,5 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
             progress=0.0,
             result="",
             changes=(),
+            robot="",
         )

@@ -38,8 +38,8 @@ def client_label(node: str) -> str:
     return f"cli {node[len(_COMMAND) :]}" if node.startswith(_COMMAND) else node
 
 
-def task_json(task: Task, estimated_time: float) -> dict[str, Any]:
-    """Return a task as the events contain it."""
+def task_json(task: Task, estimated_time: float, robot: str = "") -> dict[str, Any]:
+    """Return a task as the events contain it; `robot` of a fleet is planned to execute it."""
     return {
         "task_id": task.task_id,
         "task_type": task.task_type,
@@ -47,6 +47,7 @@ def task_json(task: Task, estimated_time: float) -> dict[str, Any]:
         "priority": task.priority,
         "state": task.state.value,
         "client": client_label(task.client),
+        "robot": task.robot or robot,
         "estimated_time": round(estimated_time, 3),
         "accepted_estimate": round(task.accepted_estimate, 3),
         "progress": round(task.progress, 4),

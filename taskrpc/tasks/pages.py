@@ -1,4 +1,4 @@
-"""Task lists in pages: the running task, the queue, the ended tasks.
+"""Task lists in pages: the running tasks, the queue, the ended tasks.
 
 A page ends with a cursor. The cursor names a place in the order instead of a count, so it stays
 correct while tasks come and go.
@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from itertools import islice
 from typing import NamedTuple
 
-from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.managed import ManagedTasks
 from taskrpc.tasks.model import BEFORE_RUNNING_KEY, RUNNING_KEY, OrderKey, Task
 
 PAGE = 200
@@ -39,7 +39,7 @@ class Page(NamedTuple):
     """The cursor of the next page; "" on the last page."""
 
 
-def page(manager: TaskManager, cursor: str, *, limit: int = PAGE, ended: bool = False) -> Page:
+def page(manager: ManagedTasks, cursor: str, *, limit: int = PAGE, ended: bool = False) -> Page:
     """Return the page behind a cursor ("": the first page); with `ended`, ended tasks come last.
 
     Raises:
@@ -51,7 +51,7 @@ def page(manager: TaskManager, cursor: str, *, limit: int = PAGE, ended: bool = 
     return Page(rows[:limit], rows[limit - 1].cursor if len(rows) > limit else "")
 
 
-def _rows(manager: TaskManager, cursor: str, ended: bool) -> Iterator[Row]:
+def _rows(manager: ManagedTasks, cursor: str, ended: bool) -> Iterator[Row]:
     after, before = _place(cursor)
     if before is None:
         yield from _live_rows(manager, after)
@@ -70,16 +70,15 @@ def _place(cursor: str) -> tuple[OrderKey, tuple[float, int] | None]:
     raise ValueError(f"page: expected `next_page` of an earlier response, got {cursor[:40]!r}")
 
 
-def _live_rows(manager: TaskManager, after: OrderKey) -> Iterator[Row]:
-    if after < RUNNING_KEY and (running := manager.running):
-        yield Row(running, manager.estimate(running.task_id), _queue_cursor(RUNNING_KEY))
-    ahead = manager.seconds_ahead()
-    for queued, seconds in manager.queue.ordered(max(after, RUNNING_KEY)):
-        if task := manager.repository.find(queued.task_id):  # None while it is not stored yet
-            yield Row(task, ahead + seconds, _queue_cursor(queued.order_key))
+def _live_rows(manager: ManagedTasks, after: OrderKey) -> Iterator[Row]:
+    for key, task in manager.begun():
+        if after < key:
+            yield Row(task, manager.estimate(task.task_id), _queue_cursor(key))
+    for key, task, seconds in manager.waiting(after):
+        yield Row(task, seconds, _queue_cursor(key))
 
 
-def _ended_rows(manager: TaskManager, before: tuple[float, int] | None) -> Iterator[Row]:
+def _ended_rows(manager: ManagedTasks, before: tuple[float, int] | None) -> Iterator[Row]:
     ends = ((task.ended_at or 0.0, task.task_id, task) for task in manager.repository.ended())
     for ended_at, task_id, task in sorted(ends, key=lambda end: end[:2], reverse=True):
         if before is None or (ended_at, task_id) < before:

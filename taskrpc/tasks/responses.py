@@ -92,8 +92,11 @@ class TaskMessages:
         self._estimate_change = srvgen.load("taskrpc_interfaces/msg/EstimateChange")
         self._time = srvgen.load("builtin_interfaces/msg/Time")
 
-    def task_info(self, task: Task, estimated_time: float) -> Any:
-        """Return a TaskInfo for a list: without the result and the estimate's changes."""
+    def task_info(self, task: Task, estimated_time: float, robot: str = "") -> Any:
+        """Return a TaskInfo for a list: without the result and the estimate's changes.
+
+        `robot` is the robot that is planned to execute a queued task of a fleet.
+        """
         return self._task_info(
             task_id=task.task_id,
             task_type=task.task_type,
@@ -108,13 +111,18 @@ class TaskMessages:
             submitted=self._instant(task.submitted_at),
             started=self._instant(task.started_at),
             ended=self._instant(task.ended_at),
+            robot=task.robot or robot,
         )
 
     def whole_task_info(
-        self, task: Task, estimated_time: float, changes: Iterable[EstimateChange]
+        self,
+        task: Task,
+        estimated_time: float,
+        changes: Iterable[EstimateChange],
+        robot: str = "",
     ) -> Any:
         """Return a TaskInfo with the result and the estimate's changes."""
-        info = self.task_info(task, estimated_time)
+        info = self.task_info(task, estimated_time, robot)
         info.result = task.result
         info.estimate_changes = [
             self._estimate_change(**msgspec.structs.asdict(change)) for change in changes

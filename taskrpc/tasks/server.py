@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import logging
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection, Sequence
 from functools import partial, wraps
 from typing import Any, Self, TypeAlias
 
@@ -22,9 +22,10 @@ from taskrpc.errors import (
 )
 from taskrpc.introspection import IntrospectionState
 from taskrpc.node import Node
-from taskrpc.request_ids.ids import Completion
+from taskrpc.request_ids.ids import Completion, CompletionStore
 from taskrpc.robot.protocol import Robot
 from taskrpc.service import Service
+from taskrpc.tasks.managed import ManagedTasks
 from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.pages import page
@@ -68,7 +69,294 @@ def load_types() -> dict[str, Any]:
     return {verb: srvgen.load(name) for verb, name in _TYPES.items()}
 
 
-class TaskServer:
+class OfferedTasks:
+    """The services of a task manager; `TaskServer` and `taskrpc.fleet.FleetServer` are servers.
+
+    Args:
+        node: a started node; `close` does not close it.
+        manager: the tasks.
+        completions: keeps the completed submissions, together with the tasks.
+        names: the names of the service that accepts tasks, the main one first; all further
+            services are below each of them.
+        join: the names that other servers may offer too.
+        topics: the name below which the topics are.
+        introspection: what the services publish about their calls; see
+            `Node.configure_introspection`.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        manager: ManagedTasks,
+        completions: CompletionStore,
+        *,
+        names: Sequence[str],
+        join: Collection[str],
+        topics: str,
+        introspection: IntrospectionState,
+    ) -> None:
+        self.manager = manager
+        """The tasks; for programs that work with them without a network."""
+        self._completions = completions
+        self._node = node
+        self._names = names
+        self._join = join
+        self._topics_name = topics
+        self._introspection = introspection
+        self._messages = TaskMessages()
+        self._types = load_types()
+        self._services: list[Service] = []
+        self._topics: TaskTopics | None = None
+        self._started = asyncio.Event()
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(self, *exc_info: object) -> None:
+        await self.close()
+
+    async def start(self, *, fresh: bool = False) -> Resumed:
+        """Offer the services, queue the earlier server's tasks again and start the robot.
+
+        With `fresh` the tasks of the earlier server are forgotten instead. Returns the resumed
+        tasks; the `str` of that is a sentence for the user.
+
+        Raises:
+            StoreError: the store cannot be used.
+            NameInUse: another server offers the service.
+        """
+        # Offer the services first: a second server must not touch the store of the server that
+        # has the name. Calls that arrive before the store is read wait for it.
+        try:
+            for name in self._names:
+                self._offer(name, join=name in self._join)
+            self._topics = TaskTopics(self._node, self.manager, self._messages, self._topics_name)
+            if fresh:
+                await self._forget_all()
+            resumed = await self.manager.start()
+        except BaseException:
+            for service in self._services:
+                service.destroy()
+            self._services.clear()
+            self._close_topics()
+            raise
+        self._started.set()
+        self._opened()
+        return resumed
+
+    async def _forget_all(self) -> None:
+        """Forget the tasks of earlier servers. Raises StoreError."""
+        raise NotImplementedError
+
+    def _opened(self) -> None:
+        """Take notice that the store has been read."""
+
+    async def health(self) -> TaskResponse:
+        """Return whether the server accepts tasks: `success`, and why not in `message`."""
+        if not self._started.is_set():
+            return TaskResponse(
+                False, "not ready: starting, reading the tasks of the earlier server"
+            )
+        if self.manager.change_feed.is_closed:
+            return TaskResponse(False, "not ready: ending")
+        if problem := await self.manager.repository.problem():
+            return TaskResponse(False, f"not ready: {problem}")
+        return TaskResponse(True, f"ready: {self.manager}")
+
+    def dismiss_watchers(self) -> None:
+        """Respond to all watchers, so that the node can drain without waiting for them."""
+        self.manager.change_feed.close()
+
+    async def close(self) -> None:
+        """Halt the robot, store the running task as INTERRUPTED and close the store."""
+        self._close_topics()
+        await self.manager.close()
+
+    def _close_topics(self) -> None:
+        if self._topics is not None:
+            self._topics.close()
+            self._topics = None
+
+    def _offer(self, name: str, *, join: bool) -> None:
+        submit = self._node.create_service(
+            self._types["submit"],
+            name,
+            self._submitted,
+            exactly_once=self._completions,
+            join=join,
+        )
+        self._services.append(submit)
+        # A client may repeat a call that reads or halts when its response was lost. It must not
+        # repeat a call that starts something: another client may have halted it meanwhile.
+        for verb, handler, may_repeat in (
+            ("list", self.list_tasks, True),
+            ("show", self.show, True),
+            ("watch", self.watch, True),
+            ("cancel", self.cancel, True),
+            ("pause", self.pause, True),
+            ("resume", self.resume, False),
+            ("reprioritise", self.reprioritise, False),
+            ("requeue", self.requeue, False),
+            ("drop", self.drop, True),
+            ("stop", self.stop, True),
+        ):
+            service = self._node.create_service(
+                self._types[verb],
+                f"{name}/{verb}",
+                self._guarded(handler),
+                concurrency=_WATCHERS if verb == "watch" else _CONCURRENCY,
+                idempotent=may_repeat,
+                join=join,
+                role=ROLES[verb],
+            )
+            self._services.append(service)
+        health = self._node.create_service(
+            self._types["health"],
+            f"{name}/health",
+            self.tell_health,  # unguarded: it reports why the other services wait
+            concurrency=_CONCURRENCY,
+            idempotent=True,
+            join=join,
+            role=ROLES["health"],
+        )
+        self._services.append(health)
+        if self._introspection != "off":
+            for service in self._services:
+                self._node.configure_introspection(service, self._introspection)
+
+    def _guarded(self, handler: _Handler) -> _Handler:
+        """Return the handler with errors for a server that ends and a store that fails."""
+
+        @wraps(handler)
+        async def guarded(request: Any, response: Any) -> Any:
+            if not self._started.is_set():
+                await self._started.wait()
+            self._refuse_when_closed()
+            try:
+                return await handler(request, response)
+            except (StoreError, OutcomeUnknown) as error:
+                raise _failed(Code.INTERNAL, error) from error
+
+        return guarded
+
+    def _refuse_when_closed(self) -> None:
+        if self.manager.is_closed:  # so is the store; nothing was done
+            raise HandlerError(Code.UNAVAILABLE, "the task server is ending")
+
+    # The handlers: `request` and `response` are messages of the service's type
+
+    async def submit(self, request: Any, response: Any) -> Any:
+        """Queue a task; see RobotTask.srv."""
+        raise NotImplementedError
+
+    def _submitted(self, request: Any, response: Any) -> Any:
+        """Take a call of the service that accepts tasks."""
+        return self._guarded(self.submit)(request, response)
+
+    async def list_tasks(self, request: Any, response: Any) -> Any:
+        """List tasks in the order of execution; see ListTasks.srv."""
+        response.revision = self.manager.change_feed.revision
+        try:
+            found = page(self.manager, request.page, limit=request.limit, ended=request.all)
+        except ValueError as error:
+            raise HandlerError(Code.INVALID_ARGUMENT, str(error)) from None
+        response.tasks = [
+            self._messages.task_info(
+                row.task, row.estimated_time, self.manager.planned_robot(row.task)
+            )
+            for row in found.rows
+        ]
+        response.next_page = found.next_page
+        response.queued = len(self.manager.queue)
+        response.paused = self.manager.is_paused
+        return response
+
+    async def show(self, request: Any, response: Any) -> Any:
+        """Show one task; see ShowTask.srv."""
+        task = self.manager.repository.find(request.task_id)
+        response.success = task is not None
+        if task is None:
+            response.message = f"There is no task {request.task_id}"
+            return response
+        self.manager.update_estimates()
+        response.task = self._messages.whole_task_info(
+            task,
+            self.manager.estimate(task.task_id),
+            self.manager.changes(task),
+            self.manager.planned_robot(task),
+        )
+        return response
+
+    async def watch(self, request: Any, response: Any) -> Any:
+        """Wait for changes; see WatchTasks.srv."""
+        feed, only = self.manager.change_feed, request.task_id
+        response.success = not only or self.manager.repository.find(only) is not None
+        if not response.success:
+            response.message = f"There is no task {only}"
+            return response
+        await feed.wait_for_change(request.revision, _watch_timeout(request.timeout), task_id=only)
+        changed = feed.changed_since(request.revision)
+        response.complete = changed is not None and len(changed) <= _WATCHED_TASKS
+        if only and (changed is None or only in changed):
+            response.complete, changed = True, [only]
+        elif only:
+            changed = []
+        response.revision = feed.revision
+        response.paused = self.manager.is_paused
+        if response.complete and changed:
+            self._fill(response, changed)
+        return response
+
+    async def cancel(self, request: Any, response: Any) -> Any:
+        """Cancel a task; see CancelTask.srv."""
+        refuse_others_task(self.manager.repository.find(request.task_id))
+        return filled(response, await self.manager.cancel(request.task_id, client=client_name()))
+
+    async def pause(self, request: Any, response: Any) -> Any:
+        """Halt the robot and pause the queue; see PauseTasks.srv."""
+        return filled(response, await self.manager.pause())
+
+    async def resume(self, request: Any, response: Any) -> Any:
+        """Continue after a pause; see ResumeTasks.srv."""
+        return filled(response, await self.manager.resume())
+
+    async def reprioritise(self, request: Any, response: Any) -> Any:
+        """Change a task's priority; see ReprioritiseTask.srv."""
+        result = await self.manager.reprioritise(request.task_id, request.priority)
+        return filled(response, result)
+
+    async def requeue(self, request: Any, response: Any) -> Any:
+        """Queue an ended task again; see RequeueTask.srv."""
+        result = await self.manager.requeue(request.task_id, resume=request.resume)
+        return filled(response, result)
+
+    async def drop(self, request: Any, response: Any) -> Any:
+        """Cancel a queued or interrupted task; see DropTask.srv."""
+        refuse_others_task(self.manager.repository.find(request.task_id))
+        return filled(response, await self.manager.drop(request.task_id, client=client_name()))
+
+    async def stop(self, request: Any, response: Any) -> Any:
+        """Halt the robot at once and pause the queue; see StopRobot.srv."""
+        return filled(response, await self.manager.stop(client=client_name()))
+
+    async def tell_health(self, request: Any, response: Any) -> Any:
+        """Report whether the server accepts tasks now; a std_srvs/srv/Trigger."""
+        return filled(response, await self.health())
+
+    def _fill(self, response: Any, changed: list[int]) -> None:
+        self.manager.update_estimates()
+        found = (self.manager.repository.find(task_id) for task_id in changed)
+        response.tasks = [self._info(task) for task in found if task is not None]
+
+    def _info(self, task: Task) -> Any:
+        manager = self.manager
+        return self._messages.task_info(
+            task, manager.estimate(task.task_id), manager.planned_robot(task)
+        )
+
+
+class TaskServer(OfferedTasks):
     """Offers a robot's task queue as `/robot_task` and the services below it.
 
     Use it as `async with TaskServer(node, robot, store):`, or call `start` and `close`.
@@ -100,9 +388,6 @@ class TaskServer:
         wall_clock: Callable[[], float] = time.time,
         journal: QueueJournal | None = None,
     ) -> None:
-        self._join = join
-        self._introspection = introspection
-        self._store = store
         settings = TaskSettings(
             queue_limit=queue_limit,
             share=share,
@@ -111,145 +396,26 @@ class TaskServer:
             wall_clock=wall_clock,
             journal=journal,
         )
-        self.manager = TaskManager(robot, store, settings)
-        """The tasks; for programs that work with them without a network."""
-        self._completions = TaskCompletions(store, self.manager.repository)
-        self._node = node
-        self._service_name = service_name
-        self._messages = TaskMessages()
-        self._types = load_types()
-        self._services: list[Service] = []
-        self._topics: TaskTopics | None = None
-        self._started = asyncio.Event()
-
-    async def __aenter__(self) -> Self:
-        await self.start()
-        return self
-
-    async def __aexit__(self, *exc_info: object) -> None:
-        await self.close()
-
-    async def start(self, *, fresh: bool = False) -> Resumed:
-        """Offer the services, queue the earlier server's tasks again and start the robot.
-
-        With `fresh` the tasks of the earlier server are forgotten instead. Returns the resumed
-        tasks; the `str` of that is a sentence for the user.
-
-        Raises:
-            StoreError: the store cannot be used.
-            NameInUse: another server offers the service.
-        """
-        # Offer the services first: a second server must not touch the store of the server that
-        # has the name. Calls that arrive before the store is read wait for it.
-        try:
-            self._offer()
-            self._topics = TaskTopics(self._node, self.manager, self._messages, self._service_name)
-            if fresh:
-                await self._store.clear()
-            resumed = await self.manager.start()
-        except BaseException:
-            for service in self._services:
-                service.destroy()
-            self._services.clear()
-            self._close_topics()
-            raise
-        self._started.set()
-        self._completions.opened()
-        return resumed
-
-    async def health(self) -> TaskResponse:
-        """Return whether the server accepts tasks: `success`, and why not in `message`."""
-        if not self._started.is_set():
-            return TaskResponse(
-                False, "not ready: starting, reading the tasks of the earlier server"
-            )
-        if self.manager.change_feed.is_closed:
-            return TaskResponse(False, "not ready: ending")
-        if problem := await self.manager.repository.problem():
-            return TaskResponse(False, f"not ready: {problem}")
-        return TaskResponse(True, f"ready: {self.manager}")
-
-    def dismiss_watchers(self) -> None:
-        """Respond to all watchers, so that the node can drain without waiting for them."""
-        self.manager.change_feed.close()
-
-    async def close(self) -> None:
-        """Halt the robot, store the running task as INTERRUPTED and close the store."""
-        self._close_topics()
-        await self.manager.close()
-
-    def _close_topics(self) -> None:
-        if self._topics is not None:
-            self._topics.close()
-            self._topics = None
-
-    def _offer(self) -> None:
-        submit = self._node.create_service(
-            self._types["submit"],
-            self._service_name,
-            self._submitted,
-            exactly_once=self._completions,
-            join=self._join,
+        manager = TaskManager(robot, store, settings)
+        completions = TaskCompletions(store, manager.repository)
+        super().__init__(
+            node,
+            manager,
+            completions,
+            names=[service_name],
+            join=[service_name] if join else [],
+            topics=service_name,
+            introspection=introspection,
         )
-        self._services.append(submit)
-        # A client may repeat a call that reads or halts when its response was lost. It must not
-        # repeat a call that starts something: another client may have halted it meanwhile.
-        for verb, handler, may_repeat in (
-            ("list", self.list_tasks, True),
-            ("show", self.show, True),
-            ("watch", self.watch, True),
-            ("cancel", self.cancel, True),
-            ("pause", self.pause, True),
-            ("resume", self.resume, False),
-            ("reprioritise", self.reprioritise, False),
-            ("requeue", self.requeue, False),
-            ("drop", self.drop, True),
-            ("stop", self.stop, True),
-        ):
-            service = self._node.create_service(
-                self._types[verb],
-                f"{self._service_name}/{verb}",
-                self._guarded(handler),
-                concurrency=_WATCHERS if verb == "watch" else _CONCURRENCY,
-                idempotent=may_repeat,
-                join=self._join,
-                role=ROLES[verb],
-            )
-            self._services.append(service)
-        health = self._node.create_service(
-            self._types["health"],
-            f"{self._service_name}/health",
-            self.tell_health,  # unguarded: it reports why the other services wait
-            concurrency=_CONCURRENCY,
-            idempotent=True,
-            join=self._join,
-            role=ROLES["health"],
-        )
-        self._services.append(health)
-        if self._introspection != "off":
-            for service in self._services:
-                self._node.configure_introspection(service, self._introspection)
+        self.manager: TaskManager = manager
+        self._store = store
+        self._task_completions = completions
 
-    def _guarded(self, handler: _Handler) -> _Handler:
-        """Return the handler with errors for a server that ends and a store that fails."""
+    async def _forget_all(self) -> None:
+        await self._store.clear()
 
-        @wraps(handler)
-        async def guarded(request: Any, response: Any) -> Any:
-            if not self._started.is_set():
-                await self._started.wait()
-            self._refuse_when_closed()
-            try:
-                return await handler(request, response)
-            except (StoreError, OutcomeUnknown) as error:
-                raise _failed(Code.INTERNAL, error) from error
-
-        return guarded
-
-    def _refuse_when_closed(self) -> None:
-        if self.manager.is_closed:  # so is the store; nothing was done
-            raise HandlerError(Code.UNAVAILABLE, "the task server is ending")
-
-    # The handlers: `request` and `response` are messages of the service's type
+    def _opened(self) -> None:
+        self._task_completions.opened()
 
     async def submit(self, request: Any, response: Any) -> Any:
         """Queue a task; see RobotTask.srv."""
@@ -276,106 +442,14 @@ class TaskServer:
                 client=client,
                 account=account,
                 machine=machine,
-                completing=lambda result: _completed(_filled(response, result)),
+                completing=lambda result: completed(filled(response, result)),
             )
         except (StoreError, OutcomeUnknown) as error:
             raise _failed(Code.UNAVAILABLE, error) from error
         if result.success:
             return queued
-        _nothing_done()
-        return _filled(response, result)
-
-    async def list_tasks(self, request: Any, response: Any) -> Any:
-        """List tasks in the order of execution; see ListTasks.srv."""
-        response.revision = self.manager.change_feed.revision
-        try:
-            found = page(self.manager, request.page, limit=request.limit, ended=request.all)
-        except ValueError as error:
-            raise HandlerError(Code.INVALID_ARGUMENT, str(error)) from None
-        response.tasks = [
-            self._messages.task_info(row.task, row.estimated_time) for row in found.rows
-        ]
-        response.next_page = found.next_page
-        response.queued = len(self.manager.queue)
-        response.paused = self.manager.is_paused
-        return response
-
-    async def show(self, request: Any, response: Any) -> Any:
-        """Show one task; see ShowTask.srv."""
-        task = self.manager.repository.find(request.task_id)
-        response.success = task is not None
-        if task is None:
-            response.message = f"There is no task {request.task_id}"
-            return response
-        self.manager.update_estimates()
-        response.task = self._messages.whole_task_info(
-            task, self.manager.estimate(task.task_id), self.manager.changes(task)
-        )
-        return response
-
-    async def watch(self, request: Any, response: Any) -> Any:
-        """Wait for changes; see WatchTasks.srv."""
-        feed, only = self.manager.change_feed, request.task_id
-        response.success = not only or self.manager.repository.find(only) is not None
-        if not response.success:
-            response.message = f"There is no task {only}"
-            return response
-        await feed.wait_for_change(request.revision, _watch_timeout(request.timeout), task_id=only)
-        changed = feed.changed_since(request.revision)
-        response.complete = changed is not None and len(changed) <= _WATCHED_TASKS
-        if only and (changed is None or only in changed):
-            response.complete, changed = True, [only]
-        elif only:
-            changed = []
-        response.revision = feed.revision
-        response.paused = self.manager.is_paused
-        if response.complete and changed:
-            self._fill(response, changed)
-        return response
-
-    async def cancel(self, request: Any, response: Any) -> Any:
-        """Cancel a task; see CancelTask.srv."""
-        refuse_others_task(self.manager.repository.find(request.task_id))
-        return _filled(response, await self.manager.cancel(request.task_id, client=client_name()))
-
-    async def pause(self, request: Any, response: Any) -> Any:
-        """Halt the robot and pause the queue; see PauseTasks.srv."""
-        return _filled(response, await self.manager.pause())
-
-    async def resume(self, request: Any, response: Any) -> Any:
-        """Continue after a pause; see ResumeTasks.srv."""
-        return _filled(response, await self.manager.resume())
-
-    async def reprioritise(self, request: Any, response: Any) -> Any:
-        """Change a task's priority; see ReprioritiseTask.srv."""
-        result = await self.manager.reprioritise(request.task_id, request.priority)
-        return _filled(response, result)
-
-    async def requeue(self, request: Any, response: Any) -> Any:
-        """Queue an ended task again; see RequeueTask.srv."""
-        result = await self.manager.requeue(request.task_id, resume=request.resume)
-        return _filled(response, result)
-
-    async def drop(self, request: Any, response: Any) -> Any:
-        """Cancel a queued or interrupted task; see DropTask.srv."""
-        refuse_others_task(self.manager.repository.find(request.task_id))
-        return _filled(response, await self.manager.drop(request.task_id, client=client_name()))
-
-    async def stop(self, request: Any, response: Any) -> Any:
-        """Halt the robot at once and pause the queue; see StopRobot.srv."""
-        return _filled(response, await self.manager.stop(client=client_name()))
-
-    async def tell_health(self, request: Any, response: Any) -> Any:
-        """Report whether the server accepts tasks now; a std_srvs/srv/Trigger."""
-        return _filled(response, await self.health())
-
-    def _fill(self, response: Any, changed: list[int]) -> None:
-        self.manager.update_estimates()
-        found = (self.manager.repository.find(task_id) for task_id in changed)
-        response.tasks = [self._info(task) for task in found if task is not None]
-
-    def _info(self, task: Task) -> Any:
-        return self._messages.task_info(task, self.manager.estimate(task.task_id))
+        nothing_done()
+        return filled(response, result)
 
 
 def _failed(unstored: Code, error: TaskRpcError) -> HandlerError:
@@ -401,7 +475,7 @@ def _resolve_response(
         queued.set_exception(error)
 
 
-def _filled(response: Any, result: TaskResponse) -> Any:
+def filled(response: Any, result: TaskResponse) -> Any:
     """Return the response message, filled with the manager's result."""
     response.success = result.success
     response.message = result.message
@@ -412,14 +486,16 @@ def _filled(response: Any, result: TaskResponse) -> Any:
     return response
 
 
-def _completed(response: Any) -> Completion | None:
+def completed(response: Any) -> Completion | None:
+    """Return the completion of the running call, None outside a call."""
     try:
         return current_call().completed_by(response)
     except LookupError:  # a handler was called directly
         return None
 
 
-def _nothing_done() -> None:
+def nothing_done() -> None:
+    """Declare that the running call was refused."""
     with contextlib.suppress(LookupError):  # a handler was called directly
         current_call().nothing_done()
 

@@ -5,17 +5,30 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
+from typing import Protocol
 
 import msgspec
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.robot.protocol import RobotStopped
 from taskrpc.tasks.model import BEGUN, EstimateChange, Task, TaskState
-from taskrpc.tasks.records.repository import TaskRepository
 from taskrpc.tasks.robot_guard import RobotGuard, error_text
 
 _log = logging.getLogger("taskrpc.tasks")
+
+
+class ExecutionRecords(Protocol):
+    """Where an execution stores and announces its task's changes."""
+
+    def save(self, task: Task, /) -> Awaitable[None]:
+        """Store and announce a change. Raises TaskRpcError."""
+
+    def announce_progress(self, task_id: int, progress: float) -> None:
+        """Announce a task's progress, which is not stored."""
+
+    def announce_unstored(self, task: Task) -> None:
+        """Announce a change that the store refused, where hiding it would be worse."""
 
 
 class TaskExecution:
@@ -34,7 +47,7 @@ class TaskExecution:
     def __init__(
         self,
         robot_guard: RobotGuard,
-        repository: TaskRepository,
+        repository: ExecutionRecords,
         task: Task,
         planned: float,
         wall_clock: Callable[[], float],

@@ -15,7 +15,7 @@ import srvgen
 from taskrpc.node import Node
 from taskrpc.qos import QoS
 from taskrpc.robot.protocol import Pose
-from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.managed import ManagedTasks
 from taskrpc.tasks.responses import TaskMessages
 from taskrpc.topic import Publisher
 
@@ -34,7 +34,7 @@ class TaskTopics:
     """Publishes `SERVICE/events` and `SERVICE/pose`."""
 
     def __init__(
-        self, node: Node, manager: TaskManager, messages: TaskMessages, service_name: str
+        self, node: Node, manager: ManagedTasks, messages: TaskMessages, service_name: str
     ) -> None:
         self._manager = manager
         self._messages = messages
@@ -72,7 +72,9 @@ class TaskTopics:
             queued=len(manager.queue),
             running=0 if manager.running is None else manager.running.task_id,
             tasks=[
-                self._messages.task_info(task, manager.estimate(task.task_id))
+                self._messages.task_info(
+                    task, manager.estimate(task.task_id), manager.planned_robot(task)
+                )
                 for task in found
                 if task is not None
             ],

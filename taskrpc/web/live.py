@@ -20,7 +20,7 @@ from typing import Any, Protocol
 import msgspec
 
 from taskrpc.robot.world import World
-from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.managed import ManagedTasks
 from taskrpc.tasks.model import Task, TaskState
 from taskrpc.tasks.page_events import (
     MAX_ENDED,
@@ -35,7 +35,7 @@ from taskrpc.tasks.page_events import (
     scan_json,
     task_json,
 )
-from taskrpc.tasks.pages import page
+from taskrpc.tasks.pages import Row, page
 from taskrpc.web.streams import CallsEvent, Event, LiveStream
 
 log = logging.getLogger("taskrpc.web")
@@ -54,7 +54,7 @@ GRAPH_PERIOD = 1.0
 _MAX_DELAYS = 200  # new delays that one look considers
 
 
-def whole_task_json(manager: TaskManager, task_id: int) -> bytes | None:
+def whole_task_json(manager: ManagedTasks, task_id: int) -> bytes | None:
     """Return one task with its result and the changes of its estimate; None if there is none."""
     task = manager.repository.find(task_id)
     if task is None:
@@ -72,7 +72,7 @@ class LiveTasks:
     `now` is an instant on the loop's clock, `wall` the time of day in seconds since 1970.
     """
 
-    def __init__(self, manager: TaskManager) -> None:
+    def __init__(self, manager: ManagedTasks) -> None:
         self._manager = manager
         self._revision = -1
         """The revision of the last `tasks` event; -1 before the first."""
@@ -112,7 +112,7 @@ class LiveTasks:
             self._update_ended()
             yield from self._scan_event()
         self._revision, self._tasks_at = feed.revision, now
-        running = rows.pop(0) if rows and rows[0].task.state is not TaskState.QUEUED else None
+        running = _pop_running(rows, manager.running)
         rows = rows[:MAX_QUEUE]
         self._shown = {row.task.task_id for row in (*rows, *([running] if running else ()))}
         queued = len(manager.queue)
@@ -124,7 +124,10 @@ class LiveTasks:
                 "paused": manager.is_paused,
                 "queued": queued,
                 "running": task_json(running.task, running.estimated_time) if running else None,
-                "queue": [task_json(row.task, row.estimated_time) for row in rows],
+                "queue": [
+                    task_json(row.task, row.estimated_time, manager.planned_robot(row.task))
+                    for row in rows
+                ],
                 "more": max(0, queued - len(rows)),
                 "ended": self._ended,
                 "counts": self._counts,
@@ -211,6 +214,16 @@ class LiveTasks:
             yield _event("path", {"task_id": path[0], "points": path[1]})
 
 
+def _pop_running(rows: list[Row], running: Task | None) -> Row | None:
+    """Remove the row of this server's running task; in a fleet, other robots run tasks too."""
+    for index, row in enumerate(rows):
+        if row.task.state is TaskState.QUEUED:
+            return None
+        if running is not None and row.task.task_id == running.task_id:
+            return rows.pop(index)
+    return None
+
+
 class LiveCalls(Protocol):
     """The calls that the page shows; see `taskrpc.web.calls.CallLog`."""
 
@@ -245,7 +258,7 @@ class Live:
 
     def __init__(
         self,
-        manager: TaskManager,
+        manager: ManagedTasks,
         stream: LiveStream,
         about: Callable[[], Mapping[str, object]],
         *,

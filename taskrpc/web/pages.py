@@ -14,7 +14,7 @@ from taskrpc.metrics.prometheus import CONTENT_TYPE
 
 if TYPE_CHECKING:
     from taskrpc.metrics import Metrics
-    from taskrpc.tasks import TaskServer
+    from taskrpc.tasks.server import OfferedTasks
 
 STATIC = Path(__file__).with_name("static")
 """The folder of the live page's files."""
@@ -50,7 +50,7 @@ Pages: TypeAlias = Mapping[str, Callable[[], Awaitable[Page]]]
 """The functions that make the page of each path, such as `/health`."""
 
 
-def task_pages(server: TaskServer, metrics: Metrics) -> Pages:
+def task_pages(server: OfferedTasks, metrics: Metrics) -> Pages:
     """Return the pages `/health` (503 while no tasks are accepted) and `/metrics`."""
 
     async def health() -> Page:

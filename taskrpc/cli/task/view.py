@@ -11,17 +11,20 @@ _NOTEWORTHY = 0.05  # seconds of a change; less would be shown as 0.0
 _LONG = 8  # longest list whose values are all shown; of others only the range
 
 
-def table(tasks: Iterable[Any]) -> list[str]:
+def table(tasks: Sequence[Any]) -> list[str]:
     """Return tasks as aligned lines under a heading; no lines if there are no tasks."""
     rows = [
-        (str(t.task_id), work_of(t), str(t.priority), t.state, _outlook(t), printable(t.client))
+        [str(t.task_id), work_of(t), str(t.priority), t.state, _outlook(t), printable(t.client)]
         for t in tasks
     ]
     if not rows:
         return []
-    return aligned(
-        [("task", "what", "priority", "state", "done in", "client"), *rows], right={0, 2}
-    )
+    heading = ["task", "what", "priority", "state", "done in", "client"]
+    if any(task.robot for task in tasks):  # a fleet
+        heading.insert(4, "robot")
+        for row, task in zip(rows, tasks, strict=True):
+            row.insert(4, _robot(task))
+    return aligned([heading, *rows], right={0, 2})
 
 
 def aligned(rows: Sequence[Sequence[str]], *, right: Iterable[int] = ()) -> list[str]:
@@ -55,6 +58,7 @@ def details(task: Any) -> list[str]:
     lines = [f"task {task.task_id}: {work_of(task)}, priority {task.priority}"]
     facts = [
         ("state", f"{task.state}, {_percent(task)} done" if _is_begun(task) else task.state),
+        ("robot", _robot(task)),
         ("message", printable(task.message)),
         ("client", printable(task.client)),
         ("submitted", _clock(task.submitted)),
@@ -93,6 +97,7 @@ def as_object(task: Any) -> dict[str, Any]:
         "accepted_estimate": task.accepted_estimate,
         "progress": task.progress,
         "message": task.message,
+        "robot": task.robot,
         "client": task.client,
         "submitted": instant(task.submitted),
         "started": instant(task.started),
@@ -114,6 +119,12 @@ def instant(stamp: Any) -> float | None:
 def printable(text: str) -> str:
     """Return another user's text without characters that could control a terminal."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def _robot(task: Any) -> str:
+    """Return the robot of a task; in brackets if it is only planned."""
+    robot = printable(task.robot)
+    return f"({robot})" if robot and task.state == task.QUEUED else robot
 
 
 def _is_begun(task: Any) -> bool:

@@ -96,10 +96,10 @@ class Row {
   show(task, index) {
     this.task = task;
     this.index = index;
-    setText(this.place, String(index + 1));
+    setText(this.place, task.started ? "▶" : String(index + 1));
     setText(this.what, taskText(task));
     setText(this.priority, String(task.priority));
-    setText(this.client, task.client);
+    setText(this.client, task.client + (task.robot && ` → ${task.robot}`));
     setAttribute(this.node, "data-priority", task.priority);
     setAttribute(this.up, "disabled", task.priority >= 10 ? "" : null);
     setAttribute(this.down, "disabled", task.priority <= 1 ? "" : null);

@@ -44,7 +44,8 @@ def with_result(result):
 
 def test_task_has_the_agreed_fields():
     assert list(task_json(TASK, 1.0)) == [
-        *("task_id", "task_type", "target", "priority", "state", "client", "estimated_time"),
+        *("task_id", "task_type", "target", "priority", "state", "client", "robot"),
+        "estimated_time",
         *("accepted_estimate", "progress", "message", "submitted", "started", "ended"),
     ]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import srvgen
-from taskrpc.cli.task.view import aligned, as_object, details, printable, status_line
+from taskrpc.cli.task.view import aligned, as_object, details, printable, status_line, table
 
 TASK_INFO = srvgen.load("taskrpc_interfaces/msg/TaskInfo")
 
@@ -38,3 +38,18 @@ def test_any_result_of_a_custom_robot_is_shown():
 
 def test_columns_are_aligned():
     assert aligned([("a", "bb"), ("100", "c")], right={0}) == ["  a  bb", "100  c"]
+
+
+def test_table_has_a_column_for_robots_only_in_a_fleet():
+    alone = info(state="QUEUED", priority=5)
+    assert "robot" not in table([alone])[0]
+    tasks = [
+        info(state="RUNNING", priority=5, robot="robot_1"),
+        info(state="QUEUED", priority=5, robot="robot_2"),
+    ]
+    heading, running, queued = table(tasks)
+    assert heading.split()[4] == "robot"
+    assert " robot_1 " in running
+    assert " (robot_2) " in queued
+    assert as_object(tasks[0])["robot"] == "robot_1"
+    assert "  robot:     (robot_2)" in details(tasks[1])
