@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Awaitable, Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from taskrpc.callinfo import log_fields
 from taskrpc.errors import (
@@ -23,7 +23,13 @@ from taskrpc.errors import (
 from taskrpc.exactly_once.executions import Execution
 from taskrpc.exactly_once.store_state import release, state_of
 from taskrpc.execution.eager_start import EagerStarter
-from taskrpc.request_ids.ids import ClientKey, Completion, CompletionStore, ReceivedId
+from taskrpc.request_ids.ids import (
+    ClientKey,
+    Completion,
+    CompletionStore,
+    ReceivedId,
+    SharedCompletionStore,
+)
 from taskrpc.request_ids.ledger import Ledger, Verdict
 from taskrpc.transport.base import IncomingCall
 from taskrpc.transport.codec import Codec
@@ -69,6 +75,8 @@ class Deduplicator:
         """How many requests were new."""
         self._repeated = dict.fromkeys(Verdict, 0)
         """How many requests were not new, by verdict."""
+        self._shared = cast("SharedCompletionStore", store) if hasattr(store, "look_up") else None
+        """The store, if other servers use it too."""
         self._state = state_of(store)
         self._starter = EagerStarter(asyncio.get_running_loop(), lambda _: None)
         self._state.deduplicators += 1
@@ -103,6 +111,9 @@ class Deduplicator:
             ledger, clock = state.ledger, state.clock
             if ledger is None or clock is None:
                 self._wait_for_store(call)
+                return
+            if self._shared is not None and not received.is_looked_up:
+                self._look_up(self._shared, call, received)
                 return
             now += clock.offset
             if now >= state.next_expiry:
@@ -261,6 +272,29 @@ class Deduplicator:
             call.fail(TaskRpcError(problem, not_executed=False))
 
     # The store
+
+    def _look_up(
+        self, store: SharedCompletionStore, call: IncomingCall, received: ReceivedId
+    ) -> None:
+        """Learn what other servers have completed for the client of a call, then decide."""
+        received.is_looked_up = True
+        with contextlib.suppress(StopIteration):  # it is known already
+            self._starter.start(_nothing, self._learn(store, call, received))
+
+    async def _learn(
+        self, store: SharedCompletionStore, call: IncomingCall, received: ReceivedId
+    ) -> None:
+        try:
+            found = await store.look_up((call.principal, received.client))
+        except TaskRpcError as error:
+            log.error("%s cannot look a request up: %s", call.service, error)
+            call.fail(HandlerFailed(Code.UNAVAILABLE, text_for_callers(error)))
+            return
+        if (ledger := self._state.ledger) is not None:
+            for completion in found:
+                ledger.learn(completion)
+        if not call.cancelled:
+            self.arrived(call)
 
     def _expire(self, ledger: Ledger, now: float) -> None:
         self._state.next_expiry = now + _EXPIRE_EVERY

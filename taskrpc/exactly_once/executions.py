@@ -7,7 +7,7 @@ from typing import Any, Generic, Protocol, final
 
 import msgspec
 
-from taskrpc.errors import Code, HandlerFailed, OutcomeUnknown, TaskRpcError
+from taskrpc.errors import Code, HandlerError, HandlerFailed, OutcomeUnknown, TaskRpcError
 from taskrpc.message_types import ResponseT
 from taskrpc.request_ids.ids import Completion
 from taskrpc.transport.base import IncomingCall
@@ -109,6 +109,21 @@ class Execution(IncomingCall, eq=False, kw_only=True):
             code,
             self.arrived,
         )
+
+    def completed_elsewhere(self, completion: Completion) -> Any:
+        """Take over the response of another server that completed the request meanwhile.
+
+        The handler must return the response that this method returns.
+
+        Raises HandlerError: the other server's handler failed, or it completed another request.
+        """
+        if self.received_id is None or completion.fingerprint != self.received_id.fingerprint:
+            text = "another request was sent under this request id"
+            raise HandlerError(Code.INVALID_ARGUMENT, text)
+        if completion.code:
+            raise HandlerError(Code(completion.code), completion.response.decode())
+        self.completion, self.is_storing = completion, True
+        return self.owner.codec.decode(completion.response)
 
     def nothing_done(self) -> None:
         """Say that the response need not be stored."""

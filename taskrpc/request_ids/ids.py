@@ -62,6 +62,8 @@ class ReceivedId(msgspec.Struct, eq=False):
     """The `exactly_once.Execution` of the request while it runs, else None."""
     client_record: Any = None
     """The ledger's record of the client while the request runs, else None."""
+    is_looked_up: bool = False
+    """Whether the server has looked for it in a store that it shares with other servers."""
 
 
 def id_splitter(service: str) -> Callable[[Body], tuple[ReceivedId, Body]]:
@@ -155,6 +157,18 @@ class CompletionStore(Protocol):
             OutcomeUnknown: the change may have been made; `recall` shows whether it was.
             TaskRpcError: nothing was changed.
         """
+
+
+class SharedCompletionStore(CompletionStore, Protocol):
+    """A completion store that several servers share at the same time.
+
+    A request that this server does not know may have run at another server. So the server looks
+    each request up before it decides. Another server may still be completing the request: therefore
+    a handler that stores a completion itself must refuse to store a second one.
+    """
+
+    async def look_up(self, client: ClientKey) -> Sequence[Completion]:
+        """Return the completions of a client. Raises TaskRpcError."""
 
 
 class RequestCounter:

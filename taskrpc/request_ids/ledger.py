@@ -228,6 +228,13 @@ class Ledger:
         self.size += more
         self._sizes[completion.principal] += more
 
+    def learn(self, completion: Completion) -> None:
+        """Enter a completion that another server has stored, unless its request runs here."""
+        record = self._clients.get((completion.principal, completion.client))
+        running = None if record is None else record.requests.get(completion.sequence)
+        if not isinstance(running, ReceivedId):
+            self._enter(completion)
+
     def _enter(self, completion: Completion) -> None:
         principal, sequence = completion.principal, completion.sequence
         record = self._record((principal, completion.client), completion.at)

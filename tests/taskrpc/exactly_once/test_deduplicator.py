@@ -2,16 +2,18 @@
 
 import asyncio
 import logging
+import time
 
 import pytest
 
 from taskrpc.callinfo import current_call
-from taskrpc.errors import OutcomeUnknown, TaskRpcError
+from taskrpc.errors import OutcomeUnknown, StoreError, TaskRpcError
 from taskrpc.exactly_once import Effect
-from taskrpc.request_ids.ids import ReceivedId, StoredCompletions
+from taskrpc.request_ids.ids import Completion, ReceivedId, StoredCompletions
 from taskrpc.security.roles import Role
 from taskrpc.service import Service
 from taskrpc.transport.base import IncomingCall
+from taskrpc.transport.codec import codec_of
 from tests.taskrpc.transport.helpers import Add
 
 TURNS = (0, 1, 2, 20)
@@ -254,4 +256,49 @@ async def test_a_call_is_not_cancelled_once_its_effect_is_being_stored(counts, s
     await turns(20)
     assert store.effects == ["y"]
     assert not handler.was_cancelled
+    await scene.close()
+
+
+class SharedStore(Store):
+    """A store that other servers use at the same time."""
+
+    def __init__(self, *known, problem=None):
+        super().__init__()
+        self._known, self._problem = known, problem
+        self.asked = []
+
+    async def look_up(self, client):
+        self.asked.append(client)
+        await asyncio.sleep(0)
+        if self._problem is not None:
+            raise self._problem
+        return list(self._known)
+
+
+def done_elsewhere(client):
+    name = client.encode()
+    body = codec_of(Add.Response).encode(Add.Response(sum=42))
+    return Completion("", name * 16, 1, 1, name, body, 0, time.time())
+
+
+async def test_request_that_another_server_has_completed_gets_its_response():
+    store = SharedStore(done_elsewhere("x"))
+    scene = Scene(store, add)
+    x, y = scene.send("x"), scene.send("y")
+    store.do("write y", "written y")
+    await turns(20)
+    assert (x.ends, y.ends) == ([42], [ord("y")])
+    assert store.effects == ["y"]
+    assert [client for _, client in store.asked] == [b"x" * 16, b"y" * 16]
+    await scene.close()
+
+
+async def test_request_does_not_run_if_it_cannot_be_looked_up():
+    store = SharedStore(problem=StoreError("the database is away"))
+    scene = Scene(store, add)
+    call = scene.send("x")
+    await turns(20)
+    [error] = call.ends
+    assert (str(error), error.not_executed) == ("the database is away", True)
+    assert store.effects == []
     await scene.close()

@@ -379,3 +379,12 @@ def test_completion_at_the_first_incomplete_number_is_kept():
     ledger = Ledger([completion(RequestId(ME, number, 1)) for number in (1, 10)])
     assert send(ledger, RequestId(ME, 11, 10)) is Verdict.NEW
     assert send(ledger, RequestId(ME, 10, 10)) is Verdict.DONE
+
+
+def test_completion_of_another_server_is_learned_unless_the_request_runs_here():
+    ledger, first, second = Ledger(), RequestId(ME, 1, 1), RequestId(ME, 2, 1)
+    ledger.learn(completion(first, answer=b"42"))
+    assert send(ledger, first) is Verdict.DONE
+    assert send(ledger, second) is Verdict.NEW
+    ledger.learn(completion(second, answer=b"43"))
+    assert send(ledger, second) is Verdict.ATTACH
