@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install test faults browser interop pictures soak mutants lint types layers windows check format demo bench clean
+.PHONY: install test faults browser interop pictures postgres soak mutants lint types layers windows check format demo bench clean
 
 install:
 	$(PYTHON) -m venv $(VENV)
@@ -27,6 +27,9 @@ pictures:
 interop:
 	$(BIN)/pip install --quiet --editable '.[dev,interop]'
 	$(BIN)/pytest -m interop tests/interop
+
+postgres:
+	$(BIN)/pytest -m postgres tests/taskrpc/fleet
 
 soak:
 	$(BIN)/pytest -m faults --soak

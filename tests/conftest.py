@@ -17,8 +17,9 @@ from hypothesis import settings
 from srvgen.classes import loader
 from taskrpc.testing import VirtualTimeLoop
 from tests.faults.harness import HAPPENED
+from tests.postgres import own_cluster, postgres_url, shared_cluster  # noqa: F401 - fixtures
 
-LEFT_OUT = ("browser", "faults", "interop", "types")
+LEFT_OUT = ("browser", "faults", "interop", "postgres", "types")
 """Marks, and the folders of their tests, that the plain run leaves out."""
 PLAIN_RUN = " and ".join(f"not {mark}" for mark in LEFT_OUT)
 """What pyproject.toml leaves out of the plain run."""

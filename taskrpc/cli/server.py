@@ -14,23 +14,25 @@ import sys
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from srvgen.cli import process
 from taskrpc import logs, platform
-from taskrpc.cli.shared import remote
+from taskrpc.cli.shared import fleet_server, remote
 from taskrpc.cli.shared.command import Exit, UsageError, run_main, tune_for_long_run
 from taskrpc.cli.shared.parsing import Parser, add_allow_origin, number, whole
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
     from taskrpc.cli.monitoring import Monitoring
+    from taskrpc.fleet import FleetStore
     from taskrpc.node import Node
     from taskrpc.observer import Observer
     from taskrpc.recording.run_recorder import RunRecorder
     from taskrpc.robot.protocol import Robot
-    from taskrpc.tasks import SqliteStore, TaskServer
+    from taskrpc.tasks import SqliteStore
     from taskrpc.tasks.records.store import TaskStore
+    from taskrpc.tasks.server import OfferedTasks
     from taskrpc.testing import CallFaults
 
 _Result = TypeVar("_Result")
@@ -64,6 +66,7 @@ def _run(arguments: list[str]) -> Exit:
     if options.allow_origin and not options.web:
         problem = "--allow-origin is for pages that use the live page's address: give --web too"
         raise UsageError(f"taskrpc-server: error: {problem}")
+    fleet_server.check(options)
     handler = logs.handler(options.log_format)
     logging.basicConfig(level=options.log_level.upper(), handlers=[handler])
     from taskrpc.program import run
@@ -94,7 +97,11 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     listen = "the address for calls, also unix:/path (127.0.0.1:0)"
     add("--listen", metavar="HOST:PORT", type=remote.any_place, help=listen)
-    add("--db", metavar="FILE", help="the database of tasks; :memory: stores nothing on the disk")
+    what = (
+        "the database of tasks: a file, :memory: for nothing on the disk,"
+        " or postgresql://… for a fleet"
+    )
+    add("--db", metavar="FILE|URL", help=what)
     add("--fresh", action="store_true", help="forget the tasks of earlier runs")
     limit = "maximum number of tasks in the queue (10000)"
     add("--queue-limit", metavar="N", type=whole(1), default=10_000, help=limit)
@@ -151,6 +158,7 @@ def _add_robot_options(parser: argparse.ArgumentParser) -> None:
     )
     robot = "your own robot class instead of the simulated robot; see taskrpc.Robot"
     add("--robot", metavar="MODULE:CLASS", help=robot)
+    fleet_server.add_options(parser)
 
 
 def _add_security_options(parser: argparse.ArgumentParser) -> None:
@@ -214,17 +222,7 @@ async def _serve_with(
             stack.push_async_callback(recorder.close)
             if isinstance(made, KinematicRobot):
                 made.keep_journal(recorder.journal)
-        server = TaskServer(
-            node,
-            made,
-            monitoring.measured(store) if monitoring else store,
-            queue_limit=options.queue_limit,
-            share=options.share,
-            settle=options.settle,
-            join=options.join,
-            introspection=options.introspection,
-            journal=recorder.journal if recorder is not None else None,
-        )
+        server = _server(options, node, made, store, monitoring, recorder)
         if monitoring is not None:  # before the start, so that monitors can watch a slow start
             pages = monitoring.web(server, node, options.class_folder)
             web = await started(lambda: stack.enter_async_context(monitoring.serving(pages)))
@@ -233,6 +231,7 @@ async def _serve_with(
         resumed = await started(lambda: server.start(fresh=options.fresh))
         _say(options, f"{resumed}")
         if recorder is not None:
+            assert isinstance(server, TaskServer), "a fleet cannot be recorded"
             await recorder.follow(node, server)
             _say(options, f"recording to {recorder.writer.path}")
         for fault in faults.faults if faults is not None else ():
@@ -243,6 +242,31 @@ async def _serve_with(
         number = await stopped
         await _shut_down(node, server)
     return number
+
+
+def _server(
+    options: argparse.Namespace,
+    node: Node,
+    robot: Robot,
+    store: TaskStore,
+    monitoring: Monitoring | None,
+    recorder: RunRecorder | None,
+) -> OfferedTasks:
+    from taskrpc.tasks import TaskServer
+
+    if fleet_server.is_fleet(options):
+        return fleet_server.make_server(options, node, robot, cast("FleetStore", store))
+    return TaskServer(
+        node,
+        robot,
+        monitoring.measured(store) if monitoring else store,
+        queue_limit=options.queue_limit,
+        share=options.share,
+        settle=options.settle,
+        join=options.join,
+        introspection=options.introspection,
+        journal=recorder.journal if recorder is not None else None,
+    )
 
 
 def _observer(
@@ -343,7 +367,7 @@ def _print(options: argparse.Namespace, text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-async def _shut_down(node: Node, server: TaskServer) -> None:
+async def _shut_down(node: Node, server: OfferedTasks) -> None:
     """Accept no new calls, answer those in flight, halt the robot, store the running task."""
     drained = asyncio.ensure_future(node.drain(DRAIN_GRACE))
     # Watching calls wait for changes that will not come. After one loop turn the drain has begun,
@@ -359,6 +383,8 @@ def _store(options: argparse.Namespace) -> TaskStore:
 
     if options.db == ":memory:":
         return MemoryStore()
+    if fleet_server.is_fleet(options):
+        return fleet_server.store_of(options)
     return SqliteStore(options.db or _default_file())
 
 

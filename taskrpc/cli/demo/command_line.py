@@ -17,10 +17,18 @@ if TYPE_CHECKING:
 
 _SPEEDS = (0.5, 20.0)  # below: dull; above: the robot drives too far in a millisecond
 
+_READING = 1.8
+"""How many times slower than the other demo the story of a fleet is told: it has more lines."""
+
 _NEXT = """
 Next, in two terminals:
   taskrpc-server
   taskrpc-call /robot_task task_type=move target=warehouse priority=8"""
+
+
+_NEXT_FLEET = """
+Next, with a PostgreSQL, in a terminal for each robot:
+  taskrpc-server --db postgresql://USER@HOST/DATABASE --robot-name robot_1"""
 
 
 def configure(parser: ArgumentParser) -> None:
@@ -31,12 +39,17 @@ def configure(parser: ArgumentParser) -> None:
     parser.add_argument("--speed", metavar="X", type=speed, default=4.5, help=what)
     what = "print lines instead of drawing a picture"
     parser.add_argument("--plain", action="store_true", help=what)
+    what = "show three robots that share one queue, also when a server is lost"
+    parser.add_argument("--fleet", action="store_true", help=what)
     parser.set_defaults(run=run)
 
 
 def run(options: Namespace) -> Exit:
     """Perform the demo; returns ERROR if an estimate was wrong."""
     import asyncio
+
+    if options.fleet:
+        return _show_fleet(options.speed)
 
     from taskrpc.cli.demo.estimates import are_right, check_estimates, summary
 
@@ -45,6 +58,22 @@ def run(options: Namespace) -> Exit:
     rows = check_estimates(tasks, options.speed)
     print("\n".join(["", *summary(rows), _NEXT]))
     return Exit.DONE if are_right(rows) else Exit.ERROR
+
+
+def _show_fleet(speed: float) -> Exit:
+    """Tell the story of a fleet; returns ERROR if a task was lost or ran twice."""
+    import time
+
+    from taskrpc.cli.demo.fleet_story import is_right, perform, summary
+
+    performance = perform()  # on virtual time; only the telling takes time
+    began = time.monotonic()
+    for line in performance.lines:
+        at = line.at / speed * _READING
+        time.sleep(max(0.0, at - (time.monotonic() - began)))
+        _print(line)
+    print("\n".join(["", *summary(performance), _NEXT_FLEET]))
+    return Exit.DONE if is_right(performance) else Exit.ERROR
 
 
 async def _perform(speed: float, console: Console | None) -> list[Any]:

@@ -1,0 +1,102 @@
+"""`taskrpc-server --db postgresql://…`: a server of a fleet."""
+
+from __future__ import annotations
+
+import argparse
+import platform
+import re
+from typing import TYPE_CHECKING
+
+from taskrpc.cli.shared.command import UsageError
+
+if TYPE_CHECKING:
+    from taskrpc.fleet import FleetServer, FleetStore
+    from taskrpc.node import Node
+    from taskrpc.robot.protocol import Robot
+
+_PREFIXES = "postgresql://", "postgres://"
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}", re.ASCII)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Give the parser of `taskrpc-server` the options of a fleet."""
+    add = parser.add_argument
+    what = "the robot's name in a fleet (the name of this machine)"
+    add("--robot-name", metavar="NAME", help=what)
+    what = "what the robot may do in a fleet, such as move,scan:area_* (everything)"
+    add("--capabilities", metavar="LIST", help=what)
+
+
+def is_fleet(options: argparse.Namespace) -> bool:
+    """Return whether `--db` names a database that several servers share."""
+    return bool(options.db) and options.db.startswith(_PREFIXES)
+
+
+def check(options: argparse.Namespace) -> None:
+    """Check how the options fit together. Raises UsageError."""
+    if not is_fleet(options):
+        for name, value in (
+            ("--robot-name", options.robot_name),
+            ("--capabilities", options.capabilities),
+        ):
+            if value is not None:
+                raise _usage(f"{name} is for a fleet; it needs --db postgresql://…")
+        if options.db and re.match(r"[A-Za-z+]{2,}://", options.db):
+            raise _usage(
+                f"--db: expected a file, :memory: or postgresql://…, got {options.db.split(':')[0]}://…"
+            )
+        return
+    if options.standby:
+        raise _usage(
+            "--standby waits for another server of one database file; the servers of a fleet run"
+            " at the same time"
+        )
+    if options.record:
+        raise _usage("--record records one robot's queue; a fleet cannot be recorded")
+    if options.robot_name is not None and not _NAME.fullmatch(options.robot_name):
+        raise _usage(
+            "--robot-name: expected letters, digits and underscores, beginning with a letter,"
+            f" got {options.robot_name!r}"
+        )
+    if options.capabilities is not None:
+        from taskrpc.fleet.model import Capabilities
+
+        try:
+            Capabilities(options.capabilities)
+        except ValueError as error:
+            raise _usage(f"--capabilities: {error}") from None
+
+
+def store_of(options: argparse.Namespace) -> FleetStore:
+    """Return the store of `--db`. Raises TaskRpcError for a wrong URL, and without psycopg."""
+    # First the module that explains how to install psycopg.
+    from taskrpc.fleet import postgres_connection  # noqa: F401
+    from taskrpc.fleet.postgres_store import PostgresStore
+
+    return PostgresStore(options.db)
+
+
+def make_server(
+    options: argparse.Namespace, node: Node, robot: Robot, store: FleetStore
+) -> FleetServer:
+    """Return the server of a fleet that these options describe."""
+    from taskrpc.fleet import FleetServer, FleetSettings
+
+    settings = FleetSettings(
+        name=options.robot_name or default_name(),
+        capabilities=options.capabilities or "",
+        queue_limit=options.queue_limit,
+        share=options.share,
+        settle=options.settle,
+    )
+    return FleetServer(node, robot, store, settings, introspection=options.introspection)
+
+
+def default_name() -> str:
+    """Return a robot's name made from this machine's name."""
+    name = re.sub(r"\W+", "_", platform.node(), flags=re.ASCII).strip("_")
+    return name if _NAME.fullmatch(name) else f"robot_{name}"[:63].rstrip("_")
+
+
+def _usage(problem: str) -> UsageError:
+    return UsageError(f"taskrpc-server: error: {problem}")

@@ -1,0 +1,478 @@
+"""The task manager of one server of a fleet: all operations on the fleet's tasks."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextvars import copy_context
+from functools import partial
+
+import msgspec
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.fleet import rules
+from taskrpc.fleet.lease import LeaseKeeper, Report
+from taskrpc.fleet.model import LEASE, Capabilities, RobotRecord
+from taskrpc.fleet.plan import HORIZON, FleetPlan, Planned
+from taskrpc.fleet.records import FleetRecords
+from taskrpc.fleet.state import FleetState
+from taskrpc.fleet.store import FleetStore, RequestKey
+from taskrpc.fleet.worker import FleetWorker
+from taskrpc.request_ids.ids import Completion
+from taskrpc.robot.protocol import Plan, Pose, Robot, TargetError
+from taskrpc.tasks.model import RUNNING_KEY, EstimateChange, OrderKey, Task, TaskState
+from taskrpc.tasks.queue.estimate_log import DelayLog
+from taskrpc.tasks.records.change_feed import ChangeFeed
+from taskrpc.tasks.responses import Resumed, TaskResponse, by_client, printable, unstored_note
+from taskrpc.tasks.robot_guard import RobotGuard, Telemetry, checked_plan, error_text
+
+_log = logging.getLogger("taskrpc.fleet")
+
+_PLAN_AGE = 0.2  # seconds for which a plan is used again
+_UNKNOWN = 30.0  # robot seconds that another robot is expected to need for what this one cannot do
+_FOLLOW_CANCEL = 1.0  # seconds to wait until another server has halted its robot
+
+Completing = Callable[[TaskResponse], Completion | None]
+"""Makes the completion of a request from its response."""
+
+
+class FleetSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """The settings of a server of a fleet."""
+
+    name: str = "robot_1"
+    """The robot's name, unique in the fleet."""
+    capabilities: str = ""
+    """What the robot may do; see `taskrpc.fleet.model.Capabilities`. "" for everything."""
+    lease: float = LEASE
+    """Seconds for which the robot belongs to a server that does not answer any more."""
+    queue_limit: int = 10_000
+    """How many tasks may wait."""
+    share: int | None = None
+    """How many waiting tasks one account may have from one machine; None for no limit."""
+    settle: float = 0.1
+    """Real seconds that an idle robot waits for more tasks before it claims one."""
+
+
+class FleetManager:
+    """Accepts tasks for a fleet and lets one robot execute its part of them.
+
+    Args:
+        robot: this server's robot, an object that follows the `Robot` protocol.
+        store: the fleet's store; `close` closes it.
+        settings: see `FleetSettings`.
+
+    Raises:
+        ValueError: the capabilities are not valid.
+    """
+
+    def __init__(
+        self, robot: Robot, store: FleetStore, settings: FleetSettings | None = None
+    ) -> None:
+        self._settings = settings = settings or FleetSettings()
+        Capabilities(settings.capabilities)
+        self.name = settings.name
+        self.address: Callable[[], str] = lambda: ""
+        """Returns where the server listens, for the error texts of other servers."""
+        self.store = store
+        self._guard = RobotGuard(robot)
+        self.is_closed = False
+        """Whether `close` has been called; afterwards, no other method may be called."""
+        self.change_feed = ChangeFeed(max(1, int(store.now() * 1000)))
+        """Announces every change to watchers."""
+        self.repository = FleetRecords(store, self.change_feed, self.name, self._guard.pose)
+        """Every remembered task."""
+        self.delays = DelayLog()
+        """Empty: a fleet keeps no log of why estimates have changed."""
+        self.lease = LeaseKeeper(
+            store,
+            self._record(),
+            settings.lease,
+            report=self._report,
+            on_end=self._lease_ended,
+            on_joined=self._joined,
+        )
+        """This server's lease on its robot."""
+        self._worker = FleetWorker(
+            self.name,
+            self._guard,
+            store,
+            self.repository,
+            self.lease,
+            self._plan_for,
+            settle=settings.settle,
+        )
+        self._plan: tuple[int, FleetPlan] | None = None
+        """The plan version of the state, and the last plan."""
+        store.listeners.append(self._changed)
+
+    def _record(self) -> RobotRecord:
+        robot = self._guard.robot
+        return RobotRecord(
+            name=self.name,
+            server=os.urandom(8).hex(),
+            task_types=tuple(robot.task_types),
+            capabilities=self._settings.capabilities,
+            places=_places(robot),
+            speed=self._guard.speed,
+            pose=self._guard.pose(),
+        )
+
+    # Start and end
+
+    async def start(self) -> Resumed:
+        """Join the fleet and start the worker.
+
+        Raises:
+            NameTaken: another server drives a robot of this name.
+            StoreError: the store cannot be used.
+        """
+        await self.store.refresh()
+        await self.lease.join(self.address())
+        self._worker.start()
+        state = self.store.state
+        return Resumed(len(state), tuple(sorted(state.interrupted)), state.meta.paused)
+
+    async def close(self) -> None:
+        """Halt the robot, store its task as INTERRUPTED, leave the fleet and close the store."""
+        self.is_closed = True
+        self.change_feed.close()
+        await self._worker.close()
+        try:
+            await self.lease.leave()
+        except TaskRpcError as error:
+            _log.warning("the fleet takes notice when the lease ends: %s", error)
+        self.store.listeners.remove(self._changed)
+        await self.store.close()
+
+    def _joined(self, epoch: int) -> None:
+        self.repository.epoch = epoch
+
+    def _lease_ended(self) -> None:
+        self._worker.lease_ended()
+
+    def _report(self) -> Report:
+        execution = self._worker.execution
+        if execution is None:
+            return Report(pose=self._guard.pose())
+        remaining = execution.remaining() / self._guard.speed
+        return Report(max(remaining, 1e-6), execution.task.progress)
+
+    def _changed(self, task_ids: Sequence[int]) -> None:
+        self._worker.look()
+        for task_id in task_ids:
+            self.change_feed.announce(task_id)
+        if not task_ids:
+            self.change_feed.announce()
+
+    # Queries
+
+    def __str__(self) -> str:
+        """The state of the queue as a sentence for users."""
+        state = self.store.state
+        waiting, begun = len(state), len(state.begun)
+        parts = [f"{waiting or 'no'} task{'' if waiting == 1 else 's'} in the queue"]
+        if begun:
+            parts.append(f"{begun} task{' is' if begun == 1 else 's are'} running")
+        robots = len(state.live_robots(self.store.now()))
+        parts.append(f"{robots} robot{'' if robots == 1 else 's'}")
+        if self.is_paused:
+            parts.append("the queue is paused")
+        return ", ".join(parts)
+
+    @property
+    def queue(self) -> FleetState:
+        """The queued tasks; its length is their number."""
+        return self.store.state
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether no robot begins a task until `resume`."""
+        return self.store.state.meta.paused or self._worker.is_held
+
+    @property
+    def running(self) -> Task | None:
+        """The task that this server's robot executes, None if it is idle."""
+        execution = self._worker.execution
+        return self.repository.find(execution.task.task_id) if execution else None
+
+    @property
+    def robot(self) -> Robot:
+        """This server's robot."""
+        return self._guard.robot
+
+    @property
+    def speed(self) -> float:
+        """Robot seconds in a real second."""
+        return self._guard.speed
+
+    def telemetry(self) -> Telemetry:
+        """Return what this server's robot reports about itself."""
+        return self._guard.telemetry()
+
+    def remaining(self) -> float:
+        """Return the robot seconds until this robot's task ends; 0.0 while it is idle."""
+        execution = self._worker.execution
+        return execution.remaining() if execution else 0.0
+
+    def pose(self) -> Pose:
+        """Return the pose of this server's robot."""
+        return self._guard.pose()
+
+    def begun(self) -> Iterable[tuple[OrderKey, Task]]:
+        """Return the tasks that robots execute, each with its place before the queue."""
+        for task_id in sorted(self.store.state.begun):
+            if task := self.repository.find(task_id):
+                yield (RUNNING_KEY[0], task_id), task
+
+    def waiting(self, after: OrderKey) -> Iterator[tuple[OrderKey, Task, float]]:
+        """Iterate over the queued tasks behind a place, in order; see `ManagedTasks`."""
+        for task in self.store.state.queued(after):
+            yield task.order_key, task, self.estimate(task.task_id)
+
+    def planned_robot(self, task: Task) -> str:
+        """Return the robot that is planned to execute a queued task, "" if it is not known."""
+        if task.state is not TaskState.QUEUED or task.task_id not in self.store.state.tasks:
+            return ""
+        planned = rules.end_of(self.store.state, self._present_plan(), task)
+        return planned.robot if isinstance(planned, Planned) else ""
+
+    def update_estimates(self) -> None:
+        """Do nothing: estimates are computed when they are asked for."""
+
+    def estimate(self, task_id: int) -> float:
+        """Return the robot seconds to a task's end.
+
+        0.0 once it has ended, and while no robot can execute it.
+        """
+        state = self.store.state
+        task = state.tasks.get(task_id)
+        if task is None or task.state.is_ended:
+            return 0.0
+        execution = self._worker.execution
+        if execution is not None and execution.task.task_id == task_id:
+            return execution.remaining()
+        if task.state is not TaskState.QUEUED:
+            robot = state.robots.get(task.robot)
+            seconds = 0.0 if robot is None else robot.free_at - self.store.now()
+        else:
+            seconds = self._seconds_to(task, self._present_plan())
+        return max(0.0, seconds) * self.speed
+
+    def changes(self, task: Task) -> Sequence[EstimateChange]:
+        """Return by how much an ended task ended later than its accepted estimate."""
+        return task.changes
+
+    # Changes; each returns when it is stored
+
+    async def submit(
+        self,
+        task_type: str,
+        target: str,
+        priority: int,
+        *,
+        client: str = "",
+        account: str = "",
+        machine: str = "",
+        completing: Completing | None = None,
+        request: RequestKey | None = None,
+    ) -> TaskResponse:
+        """Queue a task, or refuse it with the reason; see `TaskManager.submit`.
+
+        Raises:
+            AlreadyCompleted: another server has completed the same `request`.
+            StoreError: the task could not be stored, so it was not queued.
+            OutcomeUnknown: it may be queued or not.
+        """
+        settings = self._settings
+        task = Task(
+            task_id=0,
+            task_type=task_type,
+            target=target,
+            priority=priority,
+            arrival=0,
+            submitted_at=0.0,
+            client=client,
+            machine=machine if account else "",
+        )
+        context = copy_context()
+
+        def action(state: FleetState, now: float) -> TaskResponse:
+            response = rules.submit(
+                state,
+                now,
+                task,
+                account=account,
+                refusal=partial(self._refusal, state, now),
+                queue_limit=settings.queue_limit,
+                share=settings.share,
+                estimated=partial(self._estimate_in, state, now),
+            )
+            if response.success and completing is not None:
+                state.complete(context.run(completing, response))
+            return response
+
+        response = await self.store.transact(action, request)
+        if response.success:
+            text = "Task %d queued: %s to %s (priority: %d)"
+            extra = {"task": response.task_id}
+            _log.info(text, response.task_id, task_type, target, priority, extra=extra)
+        return response
+
+    async def cancel(self, task_id: int, *, client: str = "") -> TaskResponse:
+        """Cancel a queued or running task, wherever it runs."""
+        execution = self._worker.execution
+        if execution is not None and execution.task.task_id == task_id:
+            # Halt this server's own robot before anything is stored.
+            try:
+                await execution.cancel(by_client("cancelled", client))
+                is_over = await self._worker.ends_soon(execution)
+            except TaskRpcError as error:
+                note = unstored_note(error)
+                return TaskResponse(True, f"Task {task_id} is being cancelled{note}", task_id)
+            if not is_over:
+                return TaskResponse(True, f"Task {task_id} is being cancelled", task_id)
+        response = await self.store.transact(
+            lambda state, now: rules.cancel(state, now, task_id, client)
+        )
+        task = self.repository.find(task_id)
+        if task is not None and task.state is TaskState.CANCELING:
+            await self._ended_soon(task_id)
+            task = self.repository.find(task_id)
+        if task is not None and response.success and task.state is TaskState.CANCELED:
+            return TaskResponse(True, f"Task {task_id} was cancelled", task_id)
+        return response
+
+    async def drop(self, task_id: int, *, client: str = "") -> TaskResponse:
+        """Cancel a queued or interrupted task without running it."""
+        return await self.store.transact(lambda state, now: rules.drop(state, now, task_id, client))
+
+    async def reprioritise(self, task_id: int, priority: int) -> TaskResponse:
+        """Move a queued task to another priority."""
+        return await self.store.transact(
+            lambda state, now: rules.reprioritise(
+                state, now, task_id, priority, partial(self._estimate_in, state, now)
+            )
+        )
+
+    async def requeue(self, task_id: int, *, resume: bool = False) -> TaskResponse:
+        """Queue an interrupted, failed or cancelled task again; see `TaskManager.requeue`."""
+        return await self.store.transact(
+            lambda state, now: rules.requeue(
+                state,
+                now,
+                task_id,
+                resume=resume,
+                refusal=partial(self._refusal, state, now),
+                queue_limit=self._settings.queue_limit,
+                estimated=partial(self._estimate_in, state, now),
+            )
+        )
+
+    async def pause(self) -> TaskResponse:
+        """Halt all robots during their tasks and begin no other task."""
+        try:
+            await self.store.transact(lambda state, now: rules.pause(state, True))
+        except TaskRpcError as error:  # at least this server's own robot halts
+            self._worker.is_held = True
+            await self._worker.pause()
+            return TaskResponse(True, f"Only {self.name} is paused{unstored_note(error)}")
+        return TaskResponse(True, "The queue is paused")
+
+    async def resume(self) -> TaskResponse:
+        """Continue after a pause or a stop."""
+        await self.store.transact(lambda state, now: rules.pause(state, False))
+        if self._worker.is_held:
+            self._worker.is_held = False
+            await self._worker.resume()
+        return TaskResponse(True, "The queue is resumed")
+
+    async def stop(self, *, client: str = "") -> TaskResponse:
+        """Halt all robots at once and pause the queue; the running tasks end CANCELED."""
+        reason = by_client("the robots were stopped", client)
+        # This server's own robot does not wait for the database, and begins no other task.
+        self._worker.is_held = True
+        failure = await self._worker.halt(reason)
+        note = ""
+        try:
+            await self.store.transact(lambda state, now: rules.stop(state, reason))
+            self._worker.is_held = False  # now the whole queue is paused
+        except TaskRpcError as error:
+            note = f"; only {self.name} was stopped{unstored_note(error)}"
+        if failure:
+            return TaskResponse(False, f"The queue is paused, but {failure}{note}")
+        return TaskResponse(not note, f"The robots are stopped and the queue is paused{note}")
+
+    # Internals
+
+    async def _ended_soon(self, task_id: int) -> None:
+        deadline = self.store.now() + _FOLLOW_CANCEL
+        while (left := deadline - self.store.now()) > 0:
+            task = self.repository.find(task_id)
+            if task is None or task.state.is_ended:
+                return
+            await self.change_feed.wait_for_change(self.change_feed.revision, left)
+
+    def _plan_for(self, robot: RobotRecord, task_type: str, target: str, pose: Pose) -> Plan | None:
+        """Return a robot's plan, by this server's own robot; see `Planner`."""
+        try:
+            return checked_plan(self._guard.robot, task_type, target, pose)
+        except Exception:  # a robot of the user's own may raise anything
+            return None if robot.name == self.name else Plan(_UNKNOWN, pose)
+
+    def _present_plan(self) -> FleetPlan:
+        state, now = self.store.state, self.store.now()
+        if self._plan is not None:
+            version, plan = self._plan
+            if version == state.plan_version and now - plan.made_at < _PLAN_AGE:
+                return plan
+        plan = rules.planned(state, now, self._plan_for, self.name)
+        self._plan = state.plan_version, plan
+        return plan
+
+    def _estimate_in(self, state: FleetState, now: float, task: Task) -> float:
+        """Return the robot seconds to the end of a task that is being queued."""
+        plan = self._plan[1] if self._plan is not None else None
+        is_far = state.position(task) >= HORIZON
+        if plan is None or now - plan.made_at >= _PLAN_AGE or not is_far:
+            plan = self._present_plan()
+        return max(0.0, self._seconds_to(task, plan)) * self.speed
+
+    def _seconds_to(self, task: Task, plan: FleetPlan) -> float:
+        end = rules.end_of(self.store.state, plan, task)
+        if end is None:
+            return 0.0
+        return (end.ends if isinstance(end, Planned) else end) - self.store.now()
+
+    def _refusal(self, state: FleetState, now: float, task_type: str, target: str) -> str:
+        """Return why no robot can execute a task, "" if one can."""
+        robot, own = self._guard.robot, state.robots.get(self.name)
+        able = state.abilities().of(task_type, target)
+        others = {each.name for each in state.live_robots(now)} & able - {self.name}
+        known = {place for each in state.robots.values() for place in each.places}
+        if others and target.strip() in known:
+            return ""  # a place on another robot's map, perhaps not on this one's
+        if task_type in robot.task_types and own is not None:
+            try:
+                checked_plan(robot, task_type, target, self._guard.pose())
+            except TargetError as error:
+                return f"Invalid target: {error_text(error)[:400]}"
+            except Exception as error:
+                return f"The robot cannot plan this task: {error_text(error)[:400]}"
+        return rules.refuse_unable(state, now, printable(task_type), target)
+
+
+def _places(robot: Robot) -> tuple[str, ...]:
+    """Return the named places that a robot with a map reaches."""
+    places = getattr(getattr(robot, "world", None), "places", None)
+    types = tuple(robot.task_types)
+    if not isinstance(places, dict) or not types:
+        return ()
+    reached = []
+    for place in places:
+        try:
+            robot.plan(types[0], place, robot.pose())
+        except Exception:
+            continue
+        reached.append(place)
+    return tuple(sorted(reached))

@@ -1,0 +1,128 @@
+"""A robot of a fleet as its database knows it, and what it can do: plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from fnmatch import fnmatchcase
+
+import msgspec
+
+from taskrpc.robot.protocol import Pose
+
+LEASE = 6.0
+"""Seconds for which a robot belongs to its server after the server has renewed its lease."""
+
+
+class Meta(msgspec.Struct, frozen=True):
+    """The facts about the whole fleet."""
+
+    revision: int = 0
+    """Counts the transactions that changed anything; each changed row has the revision of its
+    transaction."""
+    next_id: int = 1
+    """The id of the next task."""
+    next_arrival: int = 1
+    """The next number in the order of arrival."""
+    paused: bool = False
+    """Whether no robot may begin a task."""
+    halts: int = 0
+    """Counts the requests to halt all robots at once."""
+    halt_reason: str = ""
+    """The message of the tasks that the last of these requests ended."""
+
+
+class RobotRecord(msgspec.Struct, frozen=True, kw_only=True):
+    """One robot, its server and its lease. Instants are seconds since 1970, by the database."""
+
+    name: str
+    server: str
+    """The id of the server that drives it, drawn at random when the server started."""
+    address: str = ""
+    """Where that server listens, for error texts."""
+    epoch: int = 1
+    """Counts the leases: a server writes only while its robot still has the server's epoch."""
+    lease_until: float = 0.0
+    """When the lease ends."""
+    is_gone: bool = False
+    """Whether its server has ended, or lost its lease."""
+    task_types: tuple[str, ...] = ()
+    capabilities: str = ""
+    """What it may do, as the operator wrote it; see `Capabilities`. "" for everything."""
+    places: tuple[str, ...] = ()
+    """The named places that it reaches; empty if it does not tell."""
+    speed: float = 1.0
+    """Robot seconds in a real second."""
+    pose: Pose = Pose(0.0, 0.0, 0.0)
+    """Its pose when it will be free."""
+    free_at: float = 0.0
+    """When it will have ended its task; an instant in the past if it is free."""
+    task_id: int = 0
+    """The task that it executes; 0 for none."""
+
+    def is_live(self, now: float) -> bool:
+        """Return whether its server holds a lease."""
+        return not self.is_gone and self.lease_until > now
+
+
+class Capabilities:
+    """What a robot may do: a comma-separated list of `TYPE` or `TYPE:TARGET`.
+
+    `*` and `?` stand for any letters, as in the shell: `move,scan:area_*,*:dock`.
+
+    Raises:
+        ValueError: the text has an empty part.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._rules: list[tuple[str, str]] = []
+        for part in text.split(",") if text.strip() else []:
+            task_type, colon, target = (word.strip() for word in part.partition(":"))
+            if not task_type or (colon and not target):
+                raise ValueError(
+                    "expected a list such as move,scan:area_*,*:dock;"
+                    f" got {text!r} with the part {part!r}"
+                )
+            self._rules.append((task_type, target or "*"))
+
+    def allow(self, task_type: str, target: str) -> bool:
+        """Return whether the robot may execute this type of task at this target."""
+        if not self._rules:
+            return True
+        return any(
+            fnmatchcase(task_type, types) and fnmatchcase(target.strip(), targets)
+            for types, targets in self._rules
+        )
+
+
+class Abilities:
+    """Which robots can execute which tasks; remembers what it has computed."""
+
+    def __init__(self, robots: Iterable[RobotRecord]) -> None:
+        self._capabilities = {robot.name: Capabilities(robot.capabilities) for robot in robots}
+        self._robots = {robot.name: robot for robot in robots}
+        self._places = frozenset(place for robot in robots for place in robot.places)
+        self._known: dict[tuple[str, str], frozenset[str]] = {}
+
+    def of(self, task_type: str, target: str) -> frozenset[str]:
+        """Return the names of the robots that can execute a task."""
+        key = task_type, target
+        known = self._known.get(key)
+        if known is None:
+            if len(self._known) >= _REMEMBERED:  # clients may name any number of targets
+                self._known.clear()
+            able = (name for name in self._robots if self._can(name, task_type, target.strip()))
+            known = self._known[key] = frozenset(able)
+        return known
+
+    def _can(self, name: str, task_type: str, target: str) -> bool:
+        robot = self._robots[name]
+        if task_type not in robot.task_types:
+            return False
+        # A place that only other robots know is out of reach; all other targets, such as
+        # coordinates, are for the robot itself to judge.
+        if robot.places and target in self._places and target not in robot.places:
+            return False
+        return self._capabilities[name].allow(task_type, target)
+
+
+_REMEMBERED = 4096

@@ -1,0 +1,185 @@
+"""Connections to PostgreSQL: settings, time limits, and errors as sentences for operators."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import sys
+from collections.abc import Awaitable
+from typing import Any, TypeAlias, TypeVar
+
+from taskrpc.errors import StoreError, TaskRpcError
+
+try:
+    import psycopg
+    from psycopg import conninfo
+except ImportError as error:
+    raise TaskRpcError(
+        f"--db postgresql://… needs psycopg ({error}): pip install 'taskrpc[postgres]'"
+    ) from None
+
+T = TypeVar("T")
+
+Connection: TypeAlias = "psycopg.AsyncConnection[Any]"
+
+FAILURES = (psycopg.Error, OSError)
+"""What work on a connection may raise."""
+
+CONNECT_TIMEOUT = 5
+"""Seconds to wait for a new connection."""
+ANSWER_TIMEOUT = 8.0
+"""Seconds to wait for the result of a transaction; then its connection counts as lost."""
+
+_SETTINGS = {
+    "connect_timeout": CONNECT_TIMEOUT,
+    # A peer that is gone without a word is noticed within seconds.
+    "keepalives_idle": 3,
+    "keepalives_interval": 2,
+    "keepalives_count": 3,
+    "tcp_user_timeout": 8000,
+}
+# A process that is paused in the middle of a transaction must not hold the fleet's lock. The
+# parameters that the operator gives in the URL take precedence.
+_SESSION = (
+    "SET idle_in_transaction_session_timeout = '3s'; SET lock_timeout = '6s';"
+    " SET statement_timeout = '8s'; SET synchronous_commit = on"
+)
+
+
+def is_url(text: str) -> bool:
+    """Return whether `--db` names a PostgreSQL database."""
+    return text.startswith(("postgresql://", "postgres://"))
+
+
+class DatabaseUrl:
+    """Where a database is. Its texts never contain the password.
+
+    Raises:
+        TaskRpcError: it is not a valid URL.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._url = url
+        try:
+            parts = conninfo.conninfo_to_dict(url)
+        except psycopg.Error as error:
+            example = "postgresql://USER:PASSWORD@HOST:5432/DATABASE"
+            reason = _without(url, str(error))
+            raise TaskRpcError(f"--db: expected a URL such as {example}: {reason}") from None
+        self._password = str(parts.get("password") or "")
+        host, port = parts.get("host") or "localhost", parts.get("port") or 5432
+        user = f"{parts['user']}@" if parts.get("user") else ""
+        self.shown = f"postgresql://{user}{host}:{port}/{parts.get('dbname') or ''}"
+        """The URL without the password and the parameters."""
+
+    def __str__(self) -> str:
+        return self.shown
+
+    async def connect(self, name: str) -> Connection:
+        """Return a new connection with this application name. Raises StoreError."""
+        _check_loop()
+        own = conninfo.conninfo_to_dict(self._url)  # takes precedence
+        settings: dict[str, Any] = {**_SETTINGS, **own, "application_name": name}
+        try:
+            connection: Connection = await psycopg.AsyncConnection.connect(
+                conninfo.make_conninfo(**settings), autocommit=True
+            )
+        except psycopg.Error as error:
+            raise self.error("cannot be used", error) from None
+        try:
+            await connection.execute(_SESSION)
+        except psycopg.Error as error:
+            await close(connection)
+            raise self.error("cannot be used", error) from None
+        except BaseException:
+            await close(connection)
+            raise
+        return connection
+
+    def error(self, problem: str, error: BaseException) -> StoreError:
+        """Return an error with this database's name and the reason that PostgreSQL gives."""
+        reason = self.without_password(" ".join(str(error).split()))
+        found = StoreError(f"{self.shown} {problem}: {reason}{_hint(reason)}")
+        found.for_callers = "the database of the fleet cannot be used; nothing was stored"
+        return found
+
+    def without_password(self, text: str) -> str:
+        """Return a text without the password."""
+        return text.replace(self._password, "***") if self._password else text
+
+
+def _without(url: str, text: str) -> str:
+    """Return an error's text without any part of a URL that could be a password."""
+    credentials = url.partition("://")[2].rpartition("@")[0]
+    for secret in (url, credentials, credentials.partition(":")[2]):
+        if secret:
+            text = text.replace(secret, "***")
+    return text.strip()
+
+
+def _hint(reason: str) -> str:
+    if "onnection refused" in reason or "No such file" in reason:
+        return "; start PostgreSQL there, or correct the host and the port in --db"
+    if "password" in reason:
+        return "; correct the user and the password in --db, or set PGPASSWORD"
+    if "does not exist" in reason and "database" in reason:
+        return "; create it with: createdb"
+    if "permission denied for schema" in reason:
+        return "; give this user the right to create tables there"
+    if "resolve" in reason or "not known" in reason:
+        return "; correct the host in --db"
+    return ""
+
+
+def _check_loop() -> None:
+    if sys.platform == "win32" and isinstance(
+        asyncio.get_running_loop(), asyncio.ProactorEventLoop
+    ):
+        raise StoreError(
+            "PostgreSQL on Windows needs asyncio's SelectorEventLoop, this program runs on the"
+            " ProactorEventLoop; run the program with"
+            " asyncio.Runner(loop_factory=asyncio.SelectorEventLoop)"
+        )
+
+
+def is_lost(connection: Connection, error: BaseException) -> bool:
+    """Return whether an error means that the connection is gone, not that a statement is wrong."""
+    return connection.closed or connection.broken or isinstance(error, TimeoutError)
+
+
+async def answered(connection: Connection, work: Awaitable[T]) -> T:
+    """Wait for work on a connection; after `ANSWER_TIMEOUT` the connection is cut.
+
+    Raises what the work raises.
+    """
+    # To cancel the work would send a cancel request and wait for its result: on a network that
+    # drops everything that never ends. A socket that is shut down ends the work at once.
+    running = asyncio.ensure_future(work)
+    try:
+        done, _ = await asyncio.wait({running}, timeout=ANSWER_TIMEOUT)
+    except asyncio.CancelledError:
+        cut(connection)
+        with contextlib.suppress(Exception):
+            await running
+        raise
+    if not done:
+        cut(connection)
+    return await running
+
+
+def cut(connection: Connection) -> None:
+    """Shut a connection's socket down, without a word to the database."""
+    with contextlib.suppress(OSError, psycopg.Error):
+        made = socket.socket(fileno=connection.fileno())
+        try:
+            made.shutdown(socket.SHUT_RDWR)
+        finally:
+            made.detach()
+
+
+async def close(connection: Connection | None) -> None:
+    """Close a connection, whatever its state."""
+    if connection is not None:
+        with contextlib.suppress(Exception):
+            await connection.close()

@@ -1,0 +1,449 @@
+"""What a transaction of a fleet may change: leases, submissions, claims, ends. All rules are pure.
+
+Each function reads and changes the state inside one transaction. `now` is the database's clock, in
+seconds since 1970: no server's clock decides anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import msgspec
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.fleet.model import RobotRecord
+from taskrpc.fleet.plan import HORIZON, FleetPlan, Planned, Planner
+from taskrpc.fleet.state import FleetState
+from taskrpc.robot.protocol import Plan, Pose
+from taskrpc.tasks.model import Task, TaskState
+from taskrpc.tasks.responses import (
+    TaskResponse,
+    by_client,
+    priority_refusal,
+    requeue_hint,
+)
+
+SERVER_ENDED = "the server ended while it ran"
+
+
+class Fenced(TaskRpcError):
+    """Another server has taken notice that this server's lease ended: nothing was written."""
+
+    not_executed = True
+
+
+class NameTaken(TaskRpcError):
+    """Another server drives a robot of this name."""
+
+    not_executed = True
+
+
+# Leases
+
+
+def join(state: FleetState, now: float, robot: RobotRecord, lease: float) -> RobotRecord:
+    """Give a robot to the server that starts; returns its record, with a new epoch.
+
+    Raises:
+        NameTaken: the server of another robot of this name holds a lease.
+    """
+    before = state.robots.get(robot.name)
+    epoch = 1
+    if before is not None:
+        if before.is_live(now) and before.server != robot.server:
+            where = f" at {before.address}" if before.address else ""
+            raise NameTaken(
+                f"another server{where} drives {robot.name!r}: give each robot of the fleet a"
+                " name of its own with --robot-name; if that server has crashed, its lease ends in"
+                f" {before.lease_until - now:.1f} s"
+            )
+        if before.task_id:
+            _interrupt(state, now, before, SERVER_ENDED)
+        epoch = before.epoch + 1
+    joined = msgspec.structs.replace(
+        robot, epoch=epoch, lease_until=now + lease, free_at=now, task_id=0, is_gone=False
+    )
+    state.put_robot(joined)
+    return joined
+
+
+def renew(
+    state: FleetState,
+    now: float,
+    name: str,
+    epoch: int,
+    lease: float,
+    *,
+    remaining: float = 0.0,
+    progress: float = 0.0,
+    pose: Pose | None = None,
+) -> float:
+    """Renew the lease, and note how the task proceeds; returns when the lease ends.
+
+    `remaining` is in real seconds, 0.0 if the robot was idle; then `pose` is where it was.
+
+    Raises:
+        Fenced: the lease was taken away.
+    """
+    expire(state, now)
+    robot = own(state, name, epoch)
+    is_news = False
+    if robot.task_id and remaining > 0:  # else the report is older than the claim
+        robot = msgspec.structs.replace(robot, free_at=now + remaining)
+        task = state.tasks.get(robot.task_id)
+        if task is not None and progress > task.progress:
+            state.put_task(msgspec.structs.replace(task, progress=progress))
+            is_news = True
+    elif not robot.task_id and pose is not None and pose != robot.pose:
+        robot = msgspec.structs.replace(robot, pose=pose)
+        is_news = True
+    state.put_robot(msgspec.structs.replace(robot, lease_until=now + lease), is_news=is_news)
+    return now + lease
+
+
+def expire(state: FleetState, now: float) -> list[str]:
+    """Interrupt the tasks of robots whose lease has ended; returns the names of these robots."""
+    lost = [robot for robot in state.robots.values() if not robot.is_gone]
+    lost = [robot for robot in lost if robot.lease_until <= now]
+    for robot in lost:
+        reason = f"the server of {robot.name} did not renew its lease while it ran"
+        _release(state, now, robot, reason)
+    return [robot.name for robot in lost]
+
+
+def leave(state: FleetState, now: float, name: str, epoch: int) -> None:
+    """Give up the lease, because the server ends. Raises Fenced."""
+    _release(state, now, own(state, name, epoch), SERVER_ENDED)
+
+
+def own(state: FleetState, name: str, epoch: int) -> RobotRecord:
+    """Return the record of a server's own robot.
+
+    Raises:
+        Fenced: the lease of this epoch was taken away.
+    """
+    robot = state.robots.get(name)
+    if robot is None or robot.is_gone or robot.epoch != epoch:
+        raise Fenced(
+            f"the lease of {name} has ended: its server could not renew it in time,"
+            " and another server has taken notice"
+        )
+    return robot
+
+
+def _release(state: FleetState, now: float, robot: RobotRecord, reason: str) -> None:
+    if robot.task_id:
+        _interrupt(state, now, robot, reason)
+    # A new epoch: whatever this server still tries to write is refused.
+    state.put_robot(
+        msgspec.structs.replace(
+            robot,
+            is_gone=True,
+            epoch=robot.epoch + 1,
+            task_id=0,
+            lease_until=min(now, robot.lease_until),
+        )
+    )
+
+
+def _interrupt(state: FleetState, now: float, robot: RobotRecord, reason: str) -> None:
+    task = state.tasks.get(robot.task_id)
+    if task is not None and task.state.is_begun and task.robot == robot.name:
+        state.put_task(task.ended(TaskState.INTERRUPTED, now, message=reason))
+
+
+# Execution
+
+
+def may_claim(state: FleetState, now: float, name: str, planner: Planner) -> bool:
+    """Return whether `claim` would probably change anything, by what this server knows."""
+    robot = state.robots.get(name)
+    if robot is None or state.meta.paused or not len(state):
+        return robot is not None and robot.task_id > 0
+    return robot.task_id > 0 or _next_task(state, now, robot, planner) is not None
+
+
+def claim(
+    state: FleetState, now: float, name: str, epoch: int, planner: Planner
+) -> tuple[Task, Plan] | None:
+    """Let an idle robot begin the task that the plan gives to it next; None if there is none.
+
+    Returns the task, RUNNING, and its plan. A task that the robot has claimed before, without
+    having begun it, is put back first.
+
+    Raises:
+        Fenced: the lease has ended.
+    """
+    expire(state, now)
+    robot = own(state, name, epoch)
+    if robot.task_id:
+        robot = _put_back(state, now, robot)
+    if state.meta.paused or not len(state):
+        return None
+    task = _next_task(state, now, robot, planner)
+    plan = planner(robot, task.task_type, task.target, robot.pose) if task else None
+    if task is None or plan is None:
+        return None
+    started = msgspec.structs.replace(task.started(now), robot=name)
+    state.put_task(started)
+    free_at = now + plan.seconds / robot.speed
+    state.put_robot(
+        msgspec.structs.replace(robot, task_id=task.task_id, pose=plan.end, free_at=free_at)
+    )
+    return started, plan
+
+
+def _put_back(state: FleetState, now: float, robot: RobotRecord) -> RobotRecord:
+    """Undo a claim whose commit got no answer: the robot has not moved."""
+    task = state.tasks.get(robot.task_id)
+    if task is not None and task.state.is_begun and task.robot == robot.name:
+        if task.state is TaskState.CANCELING:
+            state.put_task(task.ended(TaskState.CANCELED, now, message=task.message))
+        else:
+            queued = msgspec.structs.replace(
+                task, state=TaskState.QUEUED, started_at=None, robot="", message=""
+            )
+            state.put_task(queued)
+    idle = msgspec.structs.replace(robot, task_id=0, free_at=now)
+    state.put_robot(idle)
+    return idle
+
+
+def _next_task(state: FleetState, now: float, robot: RobotRecord, planner: Planner) -> Task | None:
+    robots, abilities = state.live_robots(now), state.abilities()
+    plan = FleetPlan(state.queued_at, robots, abilities, now, planner, own=robot.name)
+    if (planned := plan.first_of(robot.name)) is not None:
+        return state.tasks[planned.task_id]
+    if len(state) <= HORIZON:
+        return None
+    # All that is planned is for other robots. This robot is free, so it takes what it can.
+    for index, task in enumerate(state.queued()):
+        if index >= HORIZON and robot.name in abilities.of(task.task_type, task.target):
+            return task
+    return None
+
+
+def update(
+    state: FleetState, now: float, name: str, epoch: int, task: Task, pose: Pose | None = None
+) -> None:
+    """Store a change of the task that the robot executes; `pose` is where it is after its end.
+
+    Raises:
+        Fenced: the lease was taken away.
+    """
+    robot = own(state, name, epoch)
+    before = state.tasks.get(task.task_id)
+    if before is not None and not robot.task_id and _is_same_end(before, task, name):
+        return  # the first attempt took effect, but its commit got no answer
+    if robot.task_id != task.task_id or before is None:
+        raise Fenced(f"{name} does not execute task {task.task_id} any more")
+    if task.state.is_ended:
+        # A cancel at another server may have changed the state meanwhile; the end counts.
+        ended = msgspec.structs.replace(
+            task, started_at=before.started_at, ended_at=now, robot=name
+        )
+        state.put_task(ended)
+        after = robot.pose if pose is None else pose
+        state.put_robot(msgspec.structs.replace(robot, task_id=0, pose=after, free_at=now))
+    elif task.state is not before.state and task.state in before.may_become:
+        state.put_task(msgspec.structs.replace(before, state=task.state, progress=task.progress))
+
+
+def _is_same_end(before: Task, task: Task, name: str) -> bool:
+    return before.state is task.state and task.state.is_ended and before.robot == name
+
+
+# Requests of clients
+
+Refusal = Callable[[str, str], str]
+"""Returns why no robot can execute a task type at a target, "" if a robot can."""
+
+
+def submit(
+    state: FleetState,
+    now: float,
+    task: Task,
+    *,
+    account: str,
+    refusal: Refusal,
+    queue_limit: int,
+    share: int | None,
+    estimated: Callable[[Task], float],
+) -> TaskResponse:
+    """Queue a new task, or refuse it; its id, its arrival and its time are set here.
+
+    `estimated` returns the robot seconds until a queued task ends.
+    """
+    problem = refusal(task.task_type, task.target) or priority_refusal(task.priority)
+    if not problem and len(state) >= queue_limit:
+        problem = f"Queue full (waiting: {len(state)}, limit: {queue_limit})"
+    if not problem and share is not None and account:
+        problem = _share_refusal(state, task, share)
+    if problem:
+        return TaskResponse(False, problem)
+    meta = state.meta
+    new = msgspec.structs.replace(
+        task, task_id=meta.next_id, arrival=meta.next_arrival, submitted_at=now
+    )
+    state.set_meta(next_id=meta.next_id + 1, next_arrival=meta.next_arrival + 1)
+    return _queue(state, new, estimated)
+
+
+def _queue(state: FleetState, task: Task, estimated: Callable[[Task], float]) -> TaskResponse:
+    state.put_task(task)
+    seconds = estimated(task)
+    state.put_task(msgspec.structs.replace(task, accepted_estimate=seconds))
+    note = " (the queue is paused)" if state.meta.paused else ""
+    return TaskResponse(True, f"Task queued: {task.task_type}{note}", task.task_id, seconds)
+
+
+def _share_refusal(state: FleetState, task: Task, share: int) -> str:
+    submitter = task.client, task.machine
+    waiting = sum((each.client, each.machine) == submitter for each in state.queued())
+    if waiting < share:
+        return ""
+    account = f"{task.client} at {task.machine}" if task.machine else task.client
+    return f"Share full: {account} (waiting: {waiting}, limit for one account: {share})"
+
+
+def cancel(state: FleetState, now: float, task_id: int, client: str) -> TaskResponse:
+    """Cancel a queued task; let the robot's server halt a running one."""
+    task, reason = state.tasks.get(task_id), by_client("cancelled", client)
+    if task is not None and task.state is TaskState.QUEUED:
+        state.put_task(task.ended(TaskState.CANCELED, now, message=reason))
+        return _done(f"Task {task_id} was cancelled", task_id)
+    if task is not None and task.state.is_begun:
+        if task.state is not TaskState.CANCELING:
+            state.put_task(task.moved_to(TaskState.CANCELING, message=reason))
+        return _done(f"Task {task_id} is being cancelled", task_id)
+    if task is not None and task.state is TaskState.CANCELED:
+        return _done(f"Task {task_id} is cancelled already", task_id)
+    return _refuse(task, task_id, "cannot be cancelled any more")
+
+
+def drop(state: FleetState, now: float, task_id: int, client: str) -> TaskResponse:
+    """Cancel a queued or interrupted task."""
+    task, reason = state.tasks.get(task_id), by_client("dropped", client)
+    if task is not None and task.state is TaskState.QUEUED:
+        state.put_task(task.ended(TaskState.CANCELED, now, message=reason))
+        return _done(f"Task {task_id} was cancelled", task_id)
+    if task is not None and task.state is TaskState.INTERRUPTED:
+        state.put_task(task.ended(TaskState.CANCELED, now, message=reason))
+        return _done(f"Task {task_id} was dropped", task_id)
+    if task is not None and task.state is TaskState.CANCELED:
+        return _done(f"Task {task_id} is dropped already", task_id)
+    return _refuse(task, task_id, "only a queued or interrupted task can be dropped")
+
+
+def reprioritise(
+    state: FleetState,
+    now: float,
+    task_id: int,
+    priority: int,
+    estimated: Callable[[Task], float],
+) -> TaskResponse:
+    """Change the priority of a queued task."""
+    if refusal := priority_refusal(priority):
+        return TaskResponse(False, refusal)
+    task = state.tasks.get(task_id)
+    if task is None or task.state is not TaskState.QUEUED:
+        return _refuse(task, task_id, "only a queued task can be moved")
+    moved = msgspec.structs.replace(task, priority=priority)
+    state.put_task(moved)
+    return _done(f"Task {task_id} has priority {priority}", task_id, estimated(moved))
+
+
+def requeue(
+    state: FleetState,
+    now: float,
+    task_id: int,
+    *,
+    resume: bool,
+    refusal: Refusal,
+    queue_limit: int,
+    estimated: Callable[[Task], float],
+) -> TaskResponse:
+    """Queue an ended task again; with `resume`, in its old place."""
+    task = state.tasks.get(task_id)
+    if task is not None and task.state is TaskState.QUEUED:
+        return _done(f"Task {task_id} is queued already", task_id, estimated(task))
+    if task is None or TaskState.QUEUED not in task.may_become:
+        return _refuse(
+            task, task_id, "only an interrupted, failed or cancelled task can be queued again"
+        )
+    if resume and task.state is not TaskState.INTERRUPTED:
+        hint = requeue_hint(task_id)
+        return _refuse(task, task_id, f"only an interrupted task can be resumed; {hint}")
+    problem = refusal(task.task_type, task.target)
+    if not problem and len(state) >= queue_limit:
+        problem = f"Queue full (waiting: {len(state)}, limit: {queue_limit})"
+    if problem:
+        return TaskResponse(False, problem)
+    arrival = task.arrival
+    if not resume:
+        arrival = state.meta.next_arrival
+        state.set_meta(next_arrival=arrival + 1)
+    return _queue(state, task.requeued(now, arrival), estimated)
+
+
+def pause(state: FleetState, paused: bool) -> None:
+    """Remember whether the queue is paused."""
+    if state.meta.paused != paused:
+        state.set_meta(paused=paused)
+
+
+def stop(state: FleetState, reason: str) -> None:
+    """Let all servers halt their robots at once, and pause the queue."""
+    state.set_meta(paused=True, halts=state.meta.halts + 1, halt_reason=reason)
+
+
+def refuse_unable(state: FleetState, now: float, task_type: str, target: str) -> str:
+    """Return why no robot can execute a task, "" if a robot with a lease can."""
+    able = state.abilities().of(task_type, target)
+    live = state.live_robots(now)
+    if any(robot.name in able for robot in live):
+        return ""
+    known = sorted({each for robot in live for each in robot.task_types})
+    what = f"{task_type} at {target.strip()}"
+    if able:
+        names = " and ".join(sorted(able))
+        return f"No robot can execute {what} now: only {names} can, and its server does not run"
+    if task_type not in known:
+        expected = " or ".join(", ".join(known).rsplit(", ", 1))
+        return f"Invalid task: {task_type} (expected {expected})"
+    names = ", ".join(robot.name for robot in live)
+    return f"No robot of the fleet ({names}) is able to execute {what}"
+
+
+def _done(message: str, task_id: int, estimate: float = 0.0) -> TaskResponse:
+    return TaskResponse(True, message, task_id, estimate)
+
+
+def _refuse(task: Task | None, task_id: int, rule: str) -> TaskResponse:
+    if task is None:
+        return TaskResponse(False, f"There is no task {task_id}")
+    return TaskResponse(False, f"Task {task_id} is {task.state.value}: {rule}")
+
+
+# Estimates
+
+
+def planned(state: FleetState, now: float, planner: Planner, own: str) -> FleetPlan:
+    """Return the plan of the present queue."""
+    return FleetPlan(
+        state.queued_at, state.live_robots(now), state.abilities(), now, planner, own=own
+    )
+
+
+def end_of(state: FleetState, plan: FleetPlan, task: Task) -> Planned | float | None:
+    """Return the place of a queued task in the plan, or only when it ends if it is far behind.
+
+    None if no robot can execute it.
+    """
+    behind = state.position(task) - HORIZON + 1
+    if behind <= 0:
+        return plan.find(task.task_id)
+    able = state.abilities().of(task.task_type, task.target)
+    if not any(robot.name in able for robot in plan.robots):
+        return None
+    return plan.free_at() + behind * plan.seconds_for_each()

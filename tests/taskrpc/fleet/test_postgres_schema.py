@@ -1,0 +1,52 @@
+import asyncio
+
+import pytest
+
+from taskrpc.errors import StoreError
+from taskrpc.fleet.postgres_connection import DatabaseUrl, close
+from taskrpc.fleet.postgres_schema import MIGRATIONS, VERSION, check_version, prepare
+from taskrpc.fleet.postgres_store import PostgresStore
+from tests.taskrpc.fleet.fakes import task
+
+pytestmark = [pytest.mark.postgres, pytest.mark.real_time]
+
+
+async def test_database_of_each_earlier_version_is_upgraded_and_keeps_its_tasks(postgres_url):
+    for version in range(1, VERSION):
+        url = DatabaseUrl(postgres_url)
+        connection = await url.connect("test")
+        await prepare(connection, MIGRATIONS[:version])
+        row = await (await connection.execute("SELECT version FROM taskrpc_fleet")).fetchone()
+        assert row == (version,)
+        await close(connection)
+        store = PostgresStore(postgres_url)
+        await store.apply([task(version)])
+        assert (await store.load()).tasks[-1] == task(version)
+        await store.close()
+
+
+async def test_servers_that_start_together_create_the_tables_once(postgres_url):
+    stores = [PostgresStore(postgres_url) for _ in range(4)]
+    found = await asyncio.gather(*(store.store_id() for store in stores))
+    assert len(set(found)) == 1
+    await asyncio.gather(*(store.close() for store in stores))
+
+
+async def test_database_of_a_newer_version_is_refused(postgres_url):
+    store = PostgresStore(postgres_url)
+    await store.load()
+    connection = await DatabaseUrl(postgres_url).connect("test")
+    await connection.execute("UPDATE taskrpc_fleet SET version = version + 1")
+    problem = f"expected a task database of version {VERSION}, found version {VERSION + 1}"
+    with pytest.raises(StoreError, match=problem):  # a server that runs while it is upgraded
+        await store.apply([task(1)])
+    with pytest.raises(StoreError, match="a newer taskrpc has upgraded it"):
+        await PostgresStore(postgres_url).load()
+    await close(connection)
+    await store.close()
+
+
+def test_version_is_that_of_the_last_migration():
+    check_version(VERSION)
+    with pytest.raises(StoreError):
+        check_version(VERSION + 1)

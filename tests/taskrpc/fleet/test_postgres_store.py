@@ -1,0 +1,151 @@
+"""The fleet's store in a real PostgreSQL."""
+
+import asyncio
+import time
+
+import psycopg
+import pytest
+
+from taskrpc.errors import StoreError
+from taskrpc.fleet.postgres_store import PostgresStore
+from taskrpc.fleet.store import AlreadyCompleted
+from taskrpc.request_ids.ids import Completion
+from tests.taskrpc.fleet.fakes import task
+from tests.taskrpc.tasks.records.store_rules import StoreRules
+
+pytestmark = [pytest.mark.postgres, pytest.mark.real_time]
+
+
+@pytest.fixture
+async def store(postgres_url):
+    store = PostgresStore(postgres_url)
+    yield store
+    await store.close()
+
+
+class TestPostgresStore(StoreRules):
+    pass
+
+
+def put(number):
+    return lambda state, now: state.put_task(task(number))
+
+
+async def until(condition, seconds=10):
+    async with asyncio.timeout(seconds):
+        while not condition():
+            await asyncio.sleep(0.01)
+
+
+async def test_changes_of_one_server_reach_the_others_at_once(postgres_url, store, monkeypatch):
+    monkeypatch.setattr("taskrpc.fleet.postgres_store.POLL", 60.0)
+    other = PostgresStore(postgres_url)
+    await other.refresh()
+    await asyncio.sleep(0.5)
+    await store.transact(put(1))
+    await until(lambda: 1 in other.state.tasks, 5)
+    await other.close()
+
+
+async def test_each_of_many_concurrent_transactions_sees_all_earlier_ones(postgres_url):
+    stores = [PostgresStore(postgres_url) for _ in range(4)]
+
+    def take(state, now):
+        state.set_meta(next_id=state.meta.next_id + 1)
+        return state.meta.next_id
+
+    async def taken(store):
+        return [await store.transact(take) for _ in range(20)]
+
+    found = await asyncio.gather(*(taken(store) for store in stores))
+    assert sorted(each for some in found for each in some) == list(range(2, 82))
+    await asyncio.gather(*(store.close() for store in stores))
+
+
+async def test_database_clock_counts_whatever_the_machines_clock_says(store, monkeypatch):
+    monkeypatch.setattr(time, "time", lambda: 1.0)
+    before = (await store.transact(lambda state, now: now)), store.now()
+    assert min(before) > 1e9
+    assert abs(before[0] - before[1]) < 5
+
+
+async def test_completed_request_is_found_by_another_server(postgres_url, store):
+    done = Completion("ann", b"c" * 16, 7, 7, b"f", b"response", 0, 1.0)
+    key = "ann", b"c" * 16, 7
+
+    def action(state, now):
+        state.complete(done)
+
+    await store.transact(action, key)
+    other = PostgresStore(postgres_url)
+    assert await other.look_up(key[:2]) == [done]
+    with pytest.raises(AlreadyCompleted) as caught:
+        await other.transact(action, key)
+    assert caught.value.completion == done
+    await other.close()
+
+
+async def test_completions_of_a_client_are_forgotten_a_day_after_its_last_request(
+    postgres_url, store
+):
+    for number, client in enumerate((b"a" * 16, b"b" * 16)):
+        done = Completion("ann", client, 1, 1, b"f", b"", 0, float(number))
+        await store.apply([], completion=done)
+    with psycopg.connect(postgres_url, autocommit=True) as connection:
+        connection.execute(
+            "UPDATE taskrpc_completion SET stored_at = stored_at - interval '25 hours'"
+            " WHERE client = %s",
+            ((b"a" * 16).hex(),),
+        )
+    await store.forget_old_clients()
+    assert [each.client for each in (await store.load()).completions] == [b"b" * 16]
+
+
+async def test_damaged_completion_is_reported_with_its_row(postgres_url, store):
+    done = Completion("ann", b"c" * 16, 7, 7, b"f", b"response", 0, 1.0)
+    await store.apply([], completion=done)
+    with psycopg.connect(postgres_url, autocommit=True) as connection:
+        connection.execute("UPDATE taskrpc_completion SET record = replace(record, 'ann', 'bob')")
+    with pytest.raises(StoreError, match=r"the checksum does not match WHERE client = '6363"):
+        await store.load()
+
+
+async def test_statement_that_fails_changes_nothing(store):
+    await store.apply([task(1)])
+    with pytest.raises(StoreError, match="did not store anything"):
+        await store.apply([task(2), task(2**70)], [1])
+    assert [each.task_id for each in (await store.load()).tasks] == [1]
+
+
+async def test_transaction_is_repeated_when_the_database_was_restarted(own_cluster):
+    store = PostgresStore(own_cluster.url())
+    await store.transact(put(1))
+    own_cluster.kill()
+    changing = store.transact(put(2))
+    await asyncio.sleep(0.3)
+    await asyncio.to_thread(own_cluster.start)
+    await changing
+    assert sorted(each.task_id for each in (await store.load()).tasks) == [1, 2]
+    await store.close()
+
+
+async def test_database_that_stays_away_is_reported_and_nothing_is_stored(own_cluster, monkeypatch):
+    monkeypatch.setattr("taskrpc.fleet.postgres_store.PATIENCE", 0.5)
+    store = PostgresStore(own_cluster.url())
+    await store.transact(put(1))
+    own_cluster.kill()
+    with pytest.raises(StoreError, match="start PostgreSQL there"):
+        await store.transact(put(2))
+    await asyncio.to_thread(own_cluster.start)
+    assert [each.task_id for each in (await store.load()).tasks] == [1]
+    await store.close()
+
+
+async def test_paused_process_does_not_keep_the_fleets_lock(postgres_url, store):
+    await store.store_id()
+    paused = psycopg.connect(postgres_url)
+    paused.execute("SET idle_in_transaction_session_timeout = '1s'")
+    paused.execute("SELECT 1 FROM taskrpc_fleet FOR UPDATE")
+    await store.transact(put(1))  # waits until PostgreSQL has ended the other session
+    assert 1 in store.state.tasks
+    paused.close()
