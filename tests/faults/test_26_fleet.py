@@ -16,13 +16,16 @@ import pytest
 import srvgen
 import taskrpc
 from taskrpc.fleet import FleetManager, FleetSettings, rules
-from taskrpc.fleet.postgres_store import POLL, PostgresStore
 from taskrpc.robot import default_world
 from taskrpc.tasks.model import TaskState
 from tests.faults.harness import Bug
 from tests.faults.postgres_proxy import CUT, SWALLOW, PostgresProxy
 from tests.faults.programs import TASK_SERVER, kill
 from tests.taskrpc.tasks.fakes import LineRobot
+
+pytest.importorskip("psycopg")
+
+from taskrpc.fleet.postgres_store import POLL, PostgresStore
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 

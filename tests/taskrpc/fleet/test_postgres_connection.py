@@ -3,6 +3,9 @@ import asyncio
 import pytest
 
 from taskrpc.errors import StoreError, TaskRpcError
+
+pytest.importorskip("psycopg")
+
 from taskrpc.fleet.postgres_connection import DatabaseUrl, answered, close
 
 SECRET = "s3cret-word"

@@ -3,10 +3,13 @@ import asyncio
 import pytest
 
 from taskrpc.errors import StoreError
+from tests.taskrpc.fleet.fakes import task
+
+pytest.importorskip("psycopg")
+
 from taskrpc.fleet.postgres_connection import DatabaseUrl, close
 from taskrpc.fleet.postgres_schema import MIGRATIONS, VERSION, check_version, prepare
 from taskrpc.fleet.postgres_store import PostgresStore
-from tests.taskrpc.fleet.fakes import task
 
 pytestmark = [pytest.mark.postgres, pytest.mark.real_time]
 

@@ -3,15 +3,17 @@
 import asyncio
 import time
 
-import psycopg
 import pytest
 
 from taskrpc.errors import StoreError
-from taskrpc.fleet.postgres_store import PostgresStore
 from taskrpc.fleet.store import AlreadyCompleted
 from taskrpc.request_ids.ids import Completion
 from tests.taskrpc.fleet.fakes import task
 from tests.taskrpc.tasks.records.store_rules import StoreRules
+
+psycopg = pytest.importorskip("psycopg")
+
+from taskrpc.fleet.postgres_store import PostgresStore  # noqa: E402
 
 pytestmark = [pytest.mark.postgres, pytest.mark.real_time]
 

@@ -46,6 +46,7 @@ def test_options_that_do_not_fit_are_refused(server, options, problem):
 
 
 def test_wrong_url_is_explained(server):
+    pytest.importorskip("psycopg")
     code, error = server("--db", f"{URL}?unknown=1")
     assert code == 1
     assert "expected a URL such as postgresql://USER:PASSWORD@HOST:5432/DATABASE" in error
@@ -53,6 +54,7 @@ def test_wrong_url_is_explained(server):
 
 @pytest.mark.real_time
 def test_missing_postgres_is_named(server):
+    pytest.importorskip("psycopg")
     code, error = server("--db", URL)
     assert code == 1
     assert "postgresql://ann@127.0.0.1:1/fleet cannot be used: " in error
