@@ -97,6 +97,7 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     listen = "the address for calls, also unix:/path (127.0.0.1:0)"
     add("--listen", metavar="HOST:PORT", type=remote.any_place, help=listen)
+    remote.add_transport(parser)
     what = (
         "the database of tasks: a file, :memory: for nothing on the disk,"
         " or postgresql://… for a fleet"
@@ -202,6 +203,7 @@ async def _serve_with(
     node = Node(
         "task_server",
         namespace="/",  # in a lab too: clients call /robot_task
+        transport=options.transport,
         listen=options.listen,
         tls=access.tls,
         token=access.token,

@@ -53,7 +53,6 @@ class Plan(msgspec.Struct, frozen=True):
     """The number of calls; 0 for no limit."""
     as_json: bool = False
     remote: Remote = HERE
-    transport: str = "tcp"
 
 
 async def perform(plan: Plan) -> None:
@@ -62,7 +61,7 @@ async def perform(plan: Plan) -> None:
     Raises the errors of `Client.call`, InvalidName, InvalidRequest and DefinitionError.
     """
     service = quoting.expanded(plan.service)
-    async with plan.remote.node(transport=plan.transport) as node:
+    async with plan.remote.node() as node:
         await _Caller(plan, node, service).run()
 
 
@@ -184,8 +183,8 @@ class _Caller:
     async def _unavailable(self) -> ServiceUnavailable:
         from taskrpc.cli.shared.graph import why_unavailable  # only where a call fails
 
-        waited, place = f"(waited {self._plan.timeout:g} s)", self._plan.remote.place
-        return await why_unavailable(self._service, place, self._node, waited, self._lost)
+        waited, remote = f"(waited {self._plan.timeout:g} s)", self._plan.remote
+        return await why_unavailable(self._service, remote, self._node, waited, self._lost)
 
     def _too_late(self, error: DeadlineExceeded) -> DeadlineExceeded:
         fate = "the call was not sent" if error.not_executed else "the call may have run"

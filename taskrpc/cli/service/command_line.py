@@ -218,6 +218,7 @@ def _look(options: argparse.Namespace) -> list[RegistryEntry]:
 
 def _unknown(options: argparse.Namespace, name: str, entries: Iterable[RegistryEntry]) -> NotFound:
     from taskrpc.cli.shared import graph
+    from taskrpc.cli.shared.remote import remote_of
 
-    hint = graph.unknown_service_hint(name, entries, options.connect or "")
+    hint = graph.unknown_service_hint(name, entries, remote_of(options))
     return hinted(NotFound(f"Unknown service '{name}'"), hint)

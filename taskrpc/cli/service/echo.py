@@ -94,7 +94,7 @@ async def _echo(options: argparse.Namespace) -> None:
 def _service_type(given: str, name: str, entries: Iterable[RegistryEntry]) -> Any:
     types = [given] if given else graph.services(entries, hidden=True).get(name, [])
     if not types:
-        hint = graph.unknown_service_hint(name, entries, "")
+        hint = graph.unknown_service_hint(name, entries)
         raise hinted(NotFound(f"Cannot find type for '{name}'"), hint)
     try:
         found = definitions.load(service_type_name(types[0]))

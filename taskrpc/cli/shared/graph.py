@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 from taskrpc import names, platform
 from taskrpc.cli.shared.command import hinted
-from taskrpc.cli.shared.remote import Remote
+from taskrpc.cli.shared.remote import HERE, Remote
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
 from taskrpc.security.lab import remembered_lab
@@ -101,12 +101,11 @@ def domains() -> dict[int, list[RegistryEntry]]:
 
 
 async def why_unavailable(
-    service: str, place: str, node: Node, waited: str, lost: TaskRpcError | None
+    service: str, remote: Remote, node: Node, waited: str, lost: TaskRpcError | None
 ) -> ServiceUnavailable:
     """Return the error for a service that did not become available, with a hint.
 
-    `place` is the address on the command line, "" for none. `lost` is the error of a failed
-    connection, None if every program answered.
+    `lost` is the error of a failed connection, None if every program answered.
     """
     # Do not connect again to a place that did not respond.
     entries = domains().get(domain_id(), []) if lost else others(await node.graph())
@@ -114,8 +113,8 @@ async def why_unavailable(
         if entry.offers(service):
             return _silent(entry, service, waited)
     if lost:
-        return _out_of_reach(place, lost, waited)
-    hint = unknown_service_hint(service, entries, place)
+        return _out_of_reach(remote.place, lost, waited)
+    hint = unknown_service_hint(service, entries, remote)
     return hinted(ServiceUnavailable(f"no server offers {service} {waited}"), hint)
 
 
@@ -142,7 +141,9 @@ def _silent(entry: RegistryEntry, service: str, waited: str) -> ServiceUnavailab
     )
 
 
-def unknown_service_hint(service: str, entries: Iterable[RegistryEntry], place: str = "") -> str:
+def unknown_service_hint(
+    service: str, entries: Iterable[RegistryEntry], remote: Remote = HERE
+) -> str:
     """Return a hint for a user who named a service that no program offers."""
     from srvgen.definitions.names import similar_names
 
@@ -150,17 +151,32 @@ def unknown_service_hint(service: str, entries: Iterable[RegistryEntry], place: 
     same_end = [name for name in known if name.endswith(service.rpartition("/")[2])]
     if similar := similar_names(service, known) or same_end:
         return f"did you mean {' or '.join(similar)}?"
-    for domain, elsewhere in domains().items():
-        if domain != domain_id() and service in services(elsewhere, hidden=True):
-            return f"it is offered in domain {domain}; set ROS_DOMAIN_ID={domain}"
+    domain = _domain_of(service) if remote.transport == "tcp" else None
+    if domain is not None:
+        return f"it is offered in domain {domain}; set ROS_DOMAIN_ID={domain}"
     plain = [name for name in known if not names.is_hidden(name)]
     # Every node of a ROS program has these seven services besides its own.
     shown = [name for name in plain if name.rpartition("/")[2] not in _OF_EVERY_NODE] or plain
     if shown:
         more = ", …" if len(shown) > _SHOWN else ""
         return f"there are {', '.join(shown[:_SHOWN])}{more}"
-    if place:
-        return f"the program at {place} offers no service"
+    return _nothing_offered(remote)
+
+
+def _domain_of(service: str) -> int | None:
+    """Return another domain in which programs of this machine offer a service."""
+    for domain, entries in domains().items():
+        if domain != domain_id() and service in services(entries, hidden=True):
+            return domain
+    return None
+
+
+def _nothing_offered(remote: Remote) -> str:
+    """Return the hint if no program offers any service."""
+    if remote.transport != "tcp":
+        return f"no program offers a service over {remote.transport} in domain {domain_id()}"
+    if remote.place:
+        return f"the program at {remote.place} offers no service"
     if (lab := remembered_lab()) and not environment_peers():
         return f"neither this machine nor the lab at {lab.place} offers a service: taskrpc doctor"
     where = f"on this machine in domain {domain_id()}"

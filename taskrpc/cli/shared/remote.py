@@ -25,12 +25,21 @@ class Remote:
     """The address to call, and the secrets for it; by default the programs of this machine.
 
     Attributes:
-        place: `host:port` or `unix:/path`; "" for the programs of this machine.
-        tls, token: as `Node` takes them.
+        place: `host:port` or `unix:/path` of one program; "" for all that the transport finds.
+        transport, peers, tls, token: as `Node` takes them.
     """
 
-    def __init__(self, place: str = "", tls: Tls | None = None, token: str | None = None) -> None:
-        self.place = place
+    def __init__(
+        self,
+        place: str = "",
+        tls: Tls | None = None,
+        token: str | None = None,
+        transport: str = "tcp",
+    ) -> None:
+        # Only TCP calls one program by its address. Elsewhere the place is that of a router.
+        self.place = place if transport == "tcp" else ""
+        self.transport = transport
+        self.peers = [place] if place else None
         self.tls = tls
         self.token = token
 
@@ -40,21 +49,22 @@ class Remote:
         from taskrpc.security.lab import remembered_lab
         from taskrpc.transport.settings import environment_peers
 
+        if self.transport != "tcp":
+            return []
         if self.place:
             return [self.place]
         lab = remembered_lab()
         return environment_peers() or ([] if lab is None else [lab.place])
 
-    def node(self, *, transport: str = "tcp", name: str = "") -> Node:
+    def node(self, *, name: str = "") -> Node:
         """Return a node for a command; without a `name` it gets a hidden one."""
         from taskrpc.node import Node
 
-        peers = [self.place] if self.place else None
         return Node(
             name or f"_taskrpc_cli_{os.getpid()}",
             namespace="/",  # on a command line, names are absolute as in listings
-            transport=transport,
-            peers=peers,
+            transport=self.transport,
+            peers=self.peers,
             tls=self.tls,
             token=self.token,
         )
@@ -92,11 +102,18 @@ HERE = Remote()
 
 
 def add_connect(parser: argparse.ArgumentParser) -> None:
-    """Give a command `--connect`, and the options for the secrets."""
+    """Give a command `--connect`, `--transport`, and the options for the secrets."""
     group = parser.add_argument_group("a program on another machine")
     what = "use the program there (or at unix:/path), not those of this machine"
     group.add_argument("--connect", metavar="HOST:PORT", type=any_place, help=what)
+    add_transport(group)
     add_secrets(group)
+
+
+def add_transport(group: argparse._ActionsContainer) -> None:
+    """Give a command `--transport`."""
+    what = "how programs find and call each other (tcp)"
+    group.add_argument("--transport", metavar="NAME", default="tcp", help=what)
 
 
 def add_discovery(parser: argparse.ArgumentParser, sim_time: str = "") -> None:
@@ -158,7 +175,8 @@ def remote_of(options: argparse.Namespace) -> Remote:
     Raises TaskRpcError for a file that cannot be read.
     """
     place = getattr(options, "connect", None) or ""  # taskrpc-server has no --connect
-    return Remote(place, _tls(options), _token(options.token_file))
+    transport = getattr(options, "transport", "tcp")  # doctor and the gateways have no --transport
+    return Remote(place, _tls(options), _token(options.token_file), transport)
 
 
 def _tls(options: argparse.Namespace) -> Tls | None:

@@ -112,7 +112,7 @@ async def perform(options: Namespace) -> Exit:
             node,
             options.service,
             timeout=options.timeout,
-            place=remote.place,
+            remote=remote,
             note=(lambda _: None) if options.json else _note,
         )
         await services.reach()

@@ -10,6 +10,7 @@ import srvgen
 from taskrpc import names
 from taskrpc.cli.shared.command import NotFound
 from taskrpc.cli.shared.graph import why_unavailable
+from taskrpc.cli.shared.remote import HERE, Remote
 from taskrpc.client import Client
 from taskrpc.errors import (
     Code,
@@ -64,7 +65,7 @@ class TaskServices:
         node: a started node; the caller closes it.
         service: the name of the service that accepts tasks.
         timeout: seconds for one call, including the wait for the server.
-        place: the `host:port` that the node calls, "" for the programs of this machine.
+        remote: the programs that the node calls.
         note: gets a sentence when a method waits for the server.
     """
 
@@ -74,13 +75,13 @@ class TaskServices:
         service: str = DEFAULT_SERVICE,
         *,
         timeout: float = DEFAULT_TIMEOUT,
-        place: str = "",
+        remote: Remote = HERE,
         note: Callable[[str], None] = lambda _: None,
     ) -> None:
         self.service = names.expand(service)
         self._node = node
         self._timeout = timeout
-        self._place = place
+        self._remote = remote
         self._note = note
         self._clients: dict[str, Client[Any, Any]] = {}
 
@@ -186,7 +187,7 @@ class TaskServices:
 
     async def _unavailable(self, lost: TaskRpcError | None) -> ServiceUnavailable:
         waited = f"(waited {self._timeout:g} s)"
-        error = await why_unavailable(self.service, self._place, self._node, waited, lost)
+        error = await why_unavailable(self.service, self._remote, self._node, waited, lost)
         (hint,) = error.__notes__
         if str(error).startswith("no server offers") and "taskrpc-server" not in hint:
             error.__notes__ = [f"start the task server: taskrpc-server ({hint})"]

@@ -15,6 +15,7 @@ from taskrpc.cli.call import configure
 from taskrpc.cli.service.calling import Plan, perform
 from taskrpc.cli.shared.command import Exit, exit_code
 from taskrpc.cli.shared.parsing import Parser
+from taskrpc.cli.shared.remote import Remote
 from taskrpc.errors import (
     Code,
     DeadlineExceeded,
@@ -66,7 +67,7 @@ async def serve():
 
 
 def plan(*values, service="/add_two_ints", **options):
-    return Plan(service, values=values, transport="memory", **options)
+    return Plan(service, values=values, remote=Remote(transport="memory"), **options)
 
 
 def type_of(folder, name, text):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from taskrpc.cli.shared import graph
+from taskrpc.cli.shared.remote import Remote
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
@@ -34,8 +35,13 @@ def test_hint_names_the_most_similar_services(asked, offered, hint):
 
 
 def test_hint_about_a_remote_program_does_not_mention_this_machine():
-    hint = graph.unknown_service_hint("/x", [], "robot:7450")
+    hint = graph.unknown_service_hint("/x", [], Remote("robot:7450"))
     assert hint == "the program at robot:7450 offers no service"
+
+
+def test_hint_about_another_transport_does_not_mention_this_machine():
+    hint = graph.unknown_service_hint("/x", [], Remote("robot:7447", transport="zenoh"))
+    assert hint == "no program offers a service over zenoh in domain 0"
 
 
 def test_services_are_sorted_with_all_their_types():

@@ -8,6 +8,7 @@ import srvgen
 from taskrpc import sync
 from taskrpc.cli.call import main as call_main
 from taskrpc.cli.main import main
+from taskrpc.cli.shared.remote import Remote
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
 
@@ -49,3 +50,15 @@ def test_empty_token_file_is_refused(tmp_path, capsys):
     empty.touch(0o600)
     assert main(["service", "list", "--connect", "a:1", "--token-file", str(empty)]) == 1
     assert capsys.readouterr().err == f"--token-file {empty}: the file is empty\n"
+
+
+def test_unknown_transport_is_refused_with_the_known_ones(capsys):
+    assert main(["node", "list", "--transport", "carrier-pigeon"]) == 1
+    error = capsys.readouterr().err
+    assert error.startswith("transport: expected 'tcp'")
+    assert "got 'carrier-pigeon'" in error
+
+
+def test_over_another_transport_the_place_is_a_router_and_not_a_program():
+    remote = Remote("robot:7447", transport="zenoh")
+    assert (remote.place, remote.places, remote.peers) == ("", [], ["robot:7447"])
