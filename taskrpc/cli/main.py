@@ -83,7 +83,7 @@ _ELSEWHERE = {
 }
 """Commands of ros2 that taskrpc does not have, and what to do instead."""
 
-_IN_FOLDERS = frozenset("bag classroom demo doctor param pkg service task top topic".split())
+_IN_FOLDERS = frozenset("bag bridge classroom demo doctor param pkg service task top topic".split())
 """Commands of several modules: the module `command_line` of the folder has `configure`."""
 
 

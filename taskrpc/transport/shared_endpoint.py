@@ -40,6 +40,7 @@ class Registration(msgspec.Struct, frozen=True):
 TRANSPORTS = {
     "tcp": Registration("taskrpc.transport.tcp.tcp_network:open_network", in_lab=True),
     "memory": Registration("taskrpc.transport.memory:open_network"),
+    "ros": Registration("taskrpc.transport.ros.ros_engine:open_network"),
 }
 """The values of `transport=`. A new transport needs one line here; see `network` and `engine`."""
 

@@ -15,6 +15,9 @@ from taskrpc.transport import shared_endpoint
 from taskrpc.transport.shared_endpoint import Registration
 from tests.taskrpc.transport.contract.transports import CASES, LOOPS, case_of
 
+_numbers = itertools.count()
+"""Counts the tests of transports with several domains."""
+
 
 def is_contract(path):
     """Whether every transport must pass the tests of a file."""
@@ -38,6 +41,10 @@ def pytest_collection_modifyitems(items):
             item.add_marker(pytest.mark.skip(reason=f"needs {case.needs}"))
         if not issubclass(case.loop, VirtualTimeLoop):
             item.add_marker(pytest.mark.real_time)
+        if case.mark:
+            item.add_marker(case.mark)
+            # The imports of foreign packages may use what Python is going to remove.
+            item.add_marker(pytest.mark.filterwarnings("ignore::DeprecationWarning"))
         if (reason := case.lacks.get(item.originalname)) is not None:
             item.add_marker(pytest.mark.xfail(reason=reason, strict=True))
 
@@ -78,5 +85,12 @@ async def net(monkeypatch):
     if case.opener:
         registration = Registration(case.opener)
         monkeypatch.setitem(shared_endpoint.TRANSPORTS, case.transport, registration)
+    if case.domains:
+        domain = case.domains[next(_numbers) % len(case.domains)]
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        # All programs of a test are in this process: the first one has nobody to wait for.
+        monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE", 0.3)
+        monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE_ALONE", 0.3)
     async with contextlib.AsyncExitStack() as stack:
         yield Network(stack, case, name)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 from taskrpc.program import fast_loop
@@ -31,6 +32,11 @@ class Case(NamedTuple):
     """A module without which the case is skipped."""
     by_address: bool = False
     """Whether nodes with other secrets need the server's address."""
+    mark: str = ""
+    """A mark of all its tests, "" if the quick suite runs them."""
+    domains: range = range(0)
+    """The domains that its tests use one after the other, so that no test sees another's programs.
+    Empty if all tests use the same one."""
 
 
 MEMORY_ENGINE = "taskrpc.testing.memory_engine:open_network"
@@ -71,6 +77,10 @@ CASES = {
     "tunnel": Case("tunnel", VIRTUAL, MEMORY_ENGINE, {"token": "secret"}, "listen"),
     "native": Case("tunnel", VIRTUAL, MEMORY_ENGINE, {}, "listen", NATIVE_TOPICS),
 }
+if find_spec("rclpy") and find_spec("rclpy._rclpy_pybind11"):  # the real one
+    ROS = Case("ros", REAL, mark="interop", domains=range(100, 121))
+    CASES["ros"] = ROS._replace(settings={"token": "secret"}, apart="listen")
+    CASES["native ros"] = ROS._replace(apart="listen", lacks=NATIVE_TOPICS)
 if (uvloop := fast_loop()) is not None:
     CASES["tcp on uvloop"] = CASES["tcp"]._replace(loop=uvloop)
 

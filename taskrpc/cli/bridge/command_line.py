@@ -8,6 +8,7 @@ import os
 import signal
 import sys
 
+from taskrpc.cli.bridge import robot
 from taskrpc.cli.shared import remote
 from taskrpc.cli.shared.command import Exit, tune_for_long_run
 from taskrpc.cli.shared.parsing import add_allow_origin, add_command, add_group
@@ -22,6 +23,8 @@ _NAME = "rosbridge_websocket"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the command of each gateway to a parser."""
     commands = add_group(parser)
+    ros = add_command(commands, "ros", "Let machines without ROS call the services of a robot")
+    robot.configure(ros)
     rosbridge = add_command(
         commands, "rosbridge", "Start a gateway for rosbridge clients, such as roslib in a browser"
     )

@@ -1,0 +1,105 @@
+"""`taskrpc bridge ros`: the gateway between a robot with ROS 2 and laptops without it."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from typing import Any
+
+from taskrpc.cli.shared import remote
+from taskrpc.cli.shared.command import Exit, UsageError, tune_for_long_run
+from taskrpc.cli.shared.parsing import number, whole
+
+_GATEWAY = "taskrpc_gateway"
+"""The name of its two nodes: one on the robot, one for the laptops."""
+
+
+def configure(ros: argparse.ArgumentParser) -> None:
+    """Add the arguments of `taskrpc bridge ros` to its parser."""
+    add = ros.add_argument
+    what = "the address for calls (127.0.0.1:0)"
+    add("--listen", metavar="HOST:PORT", type=remote.any_place, help=what)
+    what = "let callers use the services of this name, such as '/arm/*'; may be given several times"
+    add("--allow", metavar="NAME", action="append", default=[], help=what)
+    what = "let callers subscribe to the topics of this name; may be given several times"
+    add("--allow-topic", metavar="NAME", action="append", default=[], help=what)
+    what = "the most calls per second of one account (20)"
+    above = number("above 0", lambda value: value > 0)
+    add("--rate", metavar="N", type=above, default=20.0, help=what)
+    what = "the most calls of one account without a response (4)"
+    add("--in-flight", metavar="N", type=whole(1), default=4, help=what)
+    what = "the most seconds that a call to the robot may take (10)"
+    add("--timeout", metavar="S", type=above, default=10.0, help=what)
+    add("--token-file", metavar="FILE", help="a file with the token that callers must present")
+    what = "a TOML or JSON file of users that may call, with their roles; see taskrpc classroom"
+    add("--accounts", metavar="FILE", help=what)
+    add("--tls-cert", metavar="FILE", help="the certificate of this gateway (PEM)")
+    add("--tls-key", metavar="FILE", help="its key (PEM)")
+    what = "callers need a certificate that this authority signed (PEM)"
+    add("--tls-ca", metavar="FILE", help=what)
+    # For robots on another middleware than ROS, and for tests.
+    add("--transport", default="ros", help=argparse.SUPPRESS)
+    ros.set_defaults(run=_ros, connect=None)
+
+
+def _ros(options: argparse.Namespace) -> int:
+    if not options.allow and not options.allow_topic:
+        problem = "expected --allow NAME or --allow-topic NAME: otherwise callers can use nothing"
+        raise UsageError(f"taskrpc bridge ros: error: {problem}; --allow '*' allows all services")
+    from taskrpc.program import run
+
+    signal_number = run(serve(options, remote.remote_of(options)))
+    return Exit.INTERRUPTED if signal_number == signal.SIGINT else Exit.DONE
+
+
+async def serve(options: argparse.Namespace, access: remote.Remote) -> int:
+    """Serve until the process gets a signal; returns the signal's number."""
+    import asyncio
+
+    import srvgen
+    from taskrpc.gateway import AccountLimits, Allowed, Gateway
+    from taskrpc.node import Node
+    from taskrpc.program import stop_requested
+    from taskrpc.security.roles import Role
+
+    robot = Node(_GATEWAY, namespace="/", transport=options.transport)
+    lab = Node(
+        _GATEWAY,
+        namespace="/",  # callers use the names of the robot
+        listen=options.listen,
+        tls=access.tls,
+        token=access.token,
+        accounts=options.accounts,
+    )
+    async with stop_requested() as stopped, robot, lab:
+        gateway = Gateway(
+            robot,
+            lab,
+            services=Allowed(options.allow),
+            topics=Allowed(options.allow_topic),
+            limits=AccountLimits(options.rate, options.in_flight),
+            timeout=options.timeout,
+        )
+        trigger = srvgen.load("std_srvs/srv/Trigger")
+
+        def health(_: Any, response: Any) -> Any:
+            response.success = bool(gateway.names)
+            response.message = f"{len(gateway.names)} services of the robot"
+            return response
+
+        lab.create_service(trigger, "~/health", health, role=Role.OBSERVE)
+        await gateway.update()
+        what = f"{len(gateway.names)} services of the robot at {lab.address}"
+        print(f"taskrpc bridge ready: {what}", file=sys.stderr, flush=True)
+        tune_for_long_run()
+        following = asyncio.create_task(gateway.follow())
+        following.add_done_callback(lambda _: stopped.cancel())  # it ends only after a mistake
+        try:
+            number = await stopped
+        except asyncio.CancelledError:
+            following.result()
+            raise
+        following.cancel()
+        gateway.close()
+    return number

@@ -1,0 +1,233 @@
+"""Offers what a robot has on one transport on another one: services by name, and topics."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import srvgen
+from taskrpc.client import Client
+from taskrpc.deferred import DeferredCall, DeferredService
+from taskrpc.errors import NameInUse, OutcomeUnknown, ServerBusy, TaskRpcError
+from taskrpc.gateway.account_limits import AccountLimits
+from taskrpc.gateway.allowed import Allowed
+from taskrpc.node import Node
+from taskrpc.qos import QoS
+from taskrpc.topic import Publisher, Subscription
+from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
+
+log = logging.getLogger("taskrpc.gateway")
+
+LOOK = 0.5
+"""Seconds between two looks at the robot's graph."""
+
+
+class Gateway:
+    """Offers the allowed services and topics of the node `robot` at the node `lab`.
+
+    A service that appears or vanishes on the robot appears or vanishes here. Callers need no
+    definitions: the gateway sends them. Messages of topics flow from the robot only.
+    """
+
+    def __init__(
+        self,
+        robot: Node,
+        lab: Node,
+        *,
+        services: Allowed,
+        topics: Allowed,
+        limits: AccountLimits,
+        timeout: float,
+    ) -> None:
+        self.robot = robot
+        self.lab = lab
+        self.limits = limits
+        self.timeout = timeout
+        """The most seconds that a call to the robot may take."""
+        self._services = services
+        self._topics = topics
+        self._offered: dict[str, _Service] = {}
+        self._published: dict[str, _Topic] = {}
+        self._reported: dict[str, str] = {}
+        """The problem that was logged last, by name."""
+
+    @property
+    def names(self) -> list[str]:
+        """The services that are offered now."""
+        return sorted(self._offered)
+
+    async def follow(self) -> None:
+        """Keep services and topics up to date, until cancelled."""
+        while True:
+            await self.update()
+            await asyncio.sleep(LOOK)
+
+    async def update(self) -> None:
+        """Offer what the robot has now, and withdraw the rest."""
+        services: dict[str, ServiceEndpoint] = {}
+        topics: dict[str, TopicEndpoint] = {}
+        for entry in await self.robot.graph():
+            services |= {each.name: each for each in entry.services if each.name in self._services}
+            topics |= {each.name: each for each in entry.publishers if each.name in self._topics}
+        for name in [name for name, each in self._offered.items() if each.is_over(services)]:
+            self._offered.pop(name).close()
+            log.info("%s has left the robot", name)
+        for name in [name for name, each in self._published.items() if each.is_over(topics)]:
+            self._published.pop(name).close()
+        for name in services.keys() - self._offered.keys():
+            await self._offer(services[name])
+        for name in topics.keys() - self._published.keys():
+            self._publish(topics[name])
+
+    async def _offer(self, found: ServiceEndpoint) -> None:
+        try:
+            type_name, text = await self.robot.definition(found.name)
+            if not text:
+                raise TaskRpcError(f"the definition of {type_name} is not known here")
+            cls = srvgen.define(type_name, text)
+            self._offered[found.name] = _Service(self, found, cls)
+        except (TaskRpcError, srvgen.DefinitionError) as error:
+            self._report(found.name, error)
+        else:
+            self._reported.pop(found.name, None)
+            log.info("offering %s [%s]", found.name, type_name)
+
+    def _publish(self, found: TopicEndpoint) -> None:
+        try:
+            cls = srvgen.load(found.type_name)
+            if found.type_hash not in ("", cls._HASH):
+                raise TaskRpcError(f"the robot has another definition of {found.type_name}")
+            self._published[found.name] = _Topic(self, found, cls)
+        except (TaskRpcError, srvgen.DefinitionError) as error:
+            self._report(found.name, error)
+        else:
+            self._reported.pop(found.name, None)
+            log.info("offering the topic %s [%s]", found.name, found.type_name)
+
+    def _report(self, name: str, error: Exception) -> None:
+        problem = str(error)
+        if self._reported.get(name) != problem:
+            self._reported[name] = problem
+            again = "; trying again" if isinstance(error, NameInUse) else ""
+            log.warning("cannot offer %s: %s%s", name, problem, again)
+
+    def close(self) -> None:
+        """Withdraw everything."""
+        for service in self._offered.values():
+            service.close()
+        for topic in self._published.values():
+            topic.close()
+        self._offered.clear()
+        self._published.clear()
+
+
+class _Service:
+    """One service of the robot, as the lab sees it."""
+
+    def __init__(self, gateway: Gateway, found: ServiceEndpoint, srv_type: Any) -> None:
+        self._gateway = gateway
+        self._found = found
+        self._loop = asyncio.get_running_loop()
+        self._client: Client[Any, Any] = gateway.robot.create_client(srv_type, found.name)
+        try:
+            self._service: DeferredService = gateway.lab.create_deferred_service(
+                srv_type, found.name, self._called
+            )
+        except BaseException:
+            self._client.destroy()
+            raise
+
+    def is_over(self, present: dict[str, ServiceEndpoint]) -> bool:
+        """Whether the robot no longer has this service, or has another type of it."""
+        now = present.get(self._found.name)
+        return now is None or (now.type_name, now.type_hash) != (
+            self._found.type_name,
+            self._found.type_hash,
+        )
+
+    def close(self) -> None:
+        """Withdraw the service; calls to the robot go on to their end."""
+        self._service.destroy()
+        self._client.destroy()
+
+    def _called(self, call: DeferredCall[Any, Any]) -> None:
+        info, limits = call.info, self._gateway.limits
+        # Without accounts, all callers have the same token: then each machine has its own limits.
+        account = info.principal or info.machine
+        wait = limits.begin(account, self._loop.time())
+        if wait:
+            problem = (
+                f"the gateway passes at most {limits.rate:g} calls per second of one account on to"
+                f" the robot, and {limits.in_flight} at a time"
+            )
+            call.fail(ServerBusy(problem, retry_after=wait))
+            return
+        left = info.time_left()
+        timeout = self._gateway.timeout if left is None else min(left, self._gateway.timeout)
+        sent = self._client.call_async(call.request, timeout)
+        call.started()
+        info.on_cancel = sent.cancel
+        sent.add_done_callback(partial(self._done, call, account))
+
+    def _done(self, call: DeferredCall[Any, Any], account: str, sent: asyncio.Future[Any]) -> None:
+        self._gateway.limits.end(account)
+        if sent.cancelled():
+            call.fail(TaskRpcError("cancelled by the caller"))
+        elif (error := sent.exception()) is None:
+            call.reply(sent.result())
+        elif isinstance(error, TaskRpcError):
+            call.fail(error)
+        else:
+            log.error("the call to %s failed:", self._found.name, exc_info=error)
+            call.fail(OutcomeUnknown(f"the gateway failed to call {self._found.name}"))
+
+
+class _Topic:
+    """One topic of the robot, as the lab sees it."""
+
+    def __init__(self, gateway: Gateway, found: TopicEndpoint, msg_type: Any) -> None:
+        self._found = found
+        qos = QoS(
+            reliability="reliable" if found.reliable else "best_effort",
+            durability="transient_local" if found.latched else "volatile",
+        )
+        self._publisher: Publisher[Any] = gateway.lab.create_publisher(msg_type, found.name, qos)
+        self._subscribe: Callable[[], Subscription[Any]] = partial(
+            gateway.robot.create_subscription, msg_type, found.name, self._arrived, qos
+        )
+        self._subscription: Subscription[Any] | None = None
+        """None while no laptop subscribes: then the robot sends nothing."""
+        self._publisher.on_matched = self._matched
+        self._matched()
+
+    def is_over(self, present: dict[str, TopicEndpoint]) -> bool:
+        """Whether the robot no longer publishes this topic, or with another type."""
+        now = present.get(self._found.name)
+        return now is None or now.type_name != self._found.type_name
+
+    def close(self) -> None:
+        """Publish it no more."""
+        self._publisher.on_matched = _nothing
+        self._publisher.destroy()
+        self._drop()
+
+    def _matched(self) -> None:
+        wanted = self._found.latched or self._publisher.get_subscription_count() > 0
+        if wanted and self._subscription is None:
+            self._subscription = self._subscribe()
+        elif not wanted:
+            self._drop()
+
+    def _drop(self) -> None:
+        if self._subscription is not None:
+            self._subscription.destroy()
+            self._subscription = None
+
+    def _arrived(self, message: Any) -> None:
+        self._publisher.publish(message)
+
+
+def _nothing() -> None: ...

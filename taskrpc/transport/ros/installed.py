@@ -1,0 +1,70 @@
+"""The real rclpy, and the interface packages that ROS has built in this environment."""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from importlib import import_module
+from importlib.machinery import PathFinder
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from taskrpc.errors import TaskRpcError, TypeMismatch
+from taskrpc.transport.codec import KEPT_CLASSES
+
+_OURS = Path(__file__).resolve().parents[2] / "rclpy"
+_PARTS = ("context", "node", "executors", "qos", "event_handler", "serialization", "parameter")
+
+
+class NotBuilt(TypeMismatch):
+    """ROS has no generated classes for a type."""
+
+    def __init__(self, type_name: str) -> None:
+        package = type_name.partition("/")[0]
+        distribution = os.environ.get("ROS_DISTRO") or "$ROS_DISTRO"
+        self.package = package
+        super().__init__(
+            f"ROS has not built the package {package} of {type_name}; build it with `colcon build`"
+            " and source the workspace, or install"
+            f" ros-{distribution}-{package.replace('_', '-')} with apt"
+        )
+
+
+def real_rclpy() -> Any:
+    """Import ROS's own rclpy. Raises TaskRpcError if it is not there."""
+    spec = find_spec("rclpy")
+    if spec is None or spec.origin is None:
+        raise TaskRpcError(
+            "transport='ros' needs the real rclpy of ROS 2, which this Python cannot import: source"
+            " ROS's setup file (source /opt/ros/$ROS_DISTRO/setup.bash), or install it from PyPI"
+            " (pip install ros-rclpy ros-rmw-fastrtps-cpp)"
+        )
+    if Path(spec.origin).resolve().parent == _OURS:
+        real = PathFinder.find_spec("rclpy")
+        first = "" if real is not None else "source ROS's setup file, and "
+        problem = "transport='ros' needs the real rclpy, but here rclpy is taskrpc's own"
+        advice = f"{first}start the program with python instead of taskrpc run"
+        raise TaskRpcError(f"{problem}; {advice}")
+    try:
+        for part in _PARTS:
+            import_module(f"rclpy.{part}")
+        return import_module("rclpy")
+    except ImportError as error:
+        problem = f"the real rclpy at {Path(spec.origin).parent} cannot be imported: {error}"
+        raise TaskRpcError(f"{problem}; use the Python for which ROS was built") from None
+
+
+@lru_cache(KEPT_CLASSES)
+def ros_class(type_name: str) -> Any:
+    """Return the class that ROS has generated for `std_srvs/srv/Trigger`. Raises NotBuilt."""
+    package, _, rest = type_name.partition("/")
+    kind, _, name = rest.partition("/")
+    try:
+        found: Any = getattr(import_module(f"{package}.{kind}"), name)
+    except (ImportError, AttributeError):
+        raise NotBuilt(type_name) from None
+    # The import hook of srvgen makes classes of packages that ROS has not built.
+    if hasattr(found, "_TYPE") or not hasattr(type(found), "__import_type_support__"):
+        raise NotBuilt(type_name)
+    return found

@@ -1,0 +1,89 @@
+"""rclpy's executor in a thread, and the ordered hand-off of its callbacks to the event loop."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+log = logging.getLogger("taskrpc.transport")
+
+_JOIN = 2.0
+"""Seconds that a thread gets to end: a real rclpy may hang."""
+
+
+class Handoff:
+    """Passes actions from rclpy's threads to the event loop: many with one wake-up, in order."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self._loop = loop
+        self._waiting: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
+        self._is_scheduled = False
+        self._is_closed = False
+
+    def put(self, action: Callable[..., object], *arguments: Any) -> None:
+        """Call an action on the event loop; any thread may call this."""
+        self._waiting.append((action, arguments))
+        if not self._is_scheduled:
+            self._is_scheduled = True
+            with contextlib.suppress(RuntimeError):  # the loop is closed: nobody waits any more
+                self._loop.call_soon_threadsafe(self._run)
+
+    def close(self) -> None:
+        """Drop all actions from now on."""
+        self._is_closed = True
+        self._waiting.clear()
+
+    def _run(self) -> None:
+        self._is_scheduled = False  # before the loop below: a later `put` must wake the loop again
+        for _ in range(len(self._waiting)):
+            if self._is_closed:
+                return
+            action, arguments = self._waiting.popleft()
+            try:
+                action(*arguments)
+            except Exception as error:
+                context = {"message": "a callback of ROS 2 failed", "exception": error}
+                self._loop.call_exception_handler(context)
+
+
+class Spinner:
+    """An executor of rclpy that runs in a thread of its own."""
+
+    def __init__(self, ros: Any, context: Any, name: str) -> None:
+        self._executor = ros.executors.SingleThreadedExecutor(context=context)
+        self._context = context
+        # A daemon: a program whose event loop has ended must not wait for ROS.
+        self._thread = threading.Thread(target=self._spin, name=f"taskrpc {name}", daemon=True)
+        self._is_closed = False
+
+    def add(self, node: Any) -> None:
+        """Run the callbacks of a node."""
+        self._executor.add_node(node)
+        if not self._thread.is_alive() and not self._is_closed:
+            self._thread.start()
+
+    def remove(self, node: Any) -> None:
+        """Run them no more."""
+        self._executor.remove_node(node)
+
+    def close(self) -> None:
+        """End the thread; call it from another one, because it may block for seconds."""
+        self._is_closed = True
+        self._executor.shutdown(timeout_sec=_JOIN)
+        if self._thread.is_alive():
+            self._thread.join(_JOIN)
+
+    def _spin(self) -> None:
+        while not self._is_closed and self._context.ok():
+            try:
+                self._executor.spin_once(timeout_sec=1.0)
+            except Exception as error:
+                if self._is_closed or not self._context.ok():
+                    return
+                # For example a message of a damaged program; the others must go on.
+                log.error("a callback of ROS 2 failed: %s: %s", type(error).__name__, error)
