@@ -137,8 +137,8 @@ def _check_loop() -> None:
         asyncio.get_running_loop(), asyncio.ProactorEventLoop
     ):
         raise StoreError(
-            "PostgreSQL on Windows needs asyncio's SelectorEventLoop, this program runs on the"
-            " ProactorEventLoop; run the program with"
+            "PostgreSQL cannot be used on Windows' ProactorEventLoop: run taskrpc-server on Linux"
+            " or macOS, or a program of your own with"
             " asyncio.Runner(loop_factory=asyncio.SelectorEventLoop)"
         )
 

@@ -100,6 +100,8 @@ class FleetWorker:
 
     def look(self) -> None:
         """Take notice that the fleet's records have changed."""
+        if self._working is None:
+            return  # it has not started yet
         meta = self._store.state.meta
         if meta.halts != self._halts:
             self._halts, self._is_paused = meta.halts, True

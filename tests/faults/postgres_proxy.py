@@ -14,6 +14,8 @@ class PostgresProxy:
     def __init__(self, port: int) -> None:
         self._target = port
         self._fault = ""
+        self.is_black_hole = False
+        """Whether everything that is sent disappears, and no new connection gets an answer."""
         self.port = 0
         self._server: asyncio.Server | None = None
         self._serving: set[asyncio.Task[None]] = set()
@@ -51,7 +53,7 @@ class PostgresProxy:
             writer.close()
             return
         up = asyncio.create_task(self._pass_up(reader, inner[1], writer))
-        down = asyncio.create_task(_pump(inner[0], writer))
+        down = asyncio.create_task(self._pass_down(inner[0], writer))
         try:
             await asyncio.wait({up, down}, return_when=asyncio.FIRST_COMPLETED)
         finally:
@@ -76,11 +78,12 @@ class PostgresProxy:
                     await up.drain()
                     await asyncio.sleep(0.3)
                 return
-            up.write(data)
-            await up.drain()
+            if not self.is_black_hole:
+                up.write(data)
+                await up.drain()
 
-
-async def _pump(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-    while data := await reader.read(65536):
-        writer.write(data)
-        await writer.drain()
+    async def _pass_down(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        while data := await reader.read(65536):
+            if not self.is_black_hole:
+                writer.write(data)
+                await writer.drain()

@@ -16,6 +16,7 @@ import pytest
 import srvgen
 import taskrpc
 from taskrpc.fleet import FleetManager, FleetSettings, rules
+from taskrpc.fleet.worker import FleetWorker
 from taskrpc.robot import default_world
 from taskrpc.tasks.model import TaskState
 from tests.faults.harness import Bug
@@ -138,11 +139,20 @@ class Rehearsal:
         free = [each for each in grid if each[0] < world.size[0] and world.is_free(each)]
         self.places = [f"{x:.4f},{y:.4f}" for x, y in free]
 
-    async def start(self, name, *, speed=20):
+    async def start(self, name, *, speed=20, url=""):
         os.environ["NOTEBOOK"] = str(self.folder / f"notebook_{name}")
         self.servers[name] = await self.programs.start(
             TASK_SERVER,
-            *("--db", self.url, "--robot-name", name, "--log-level", "error", "--settle", "0"),
+            *(
+                "--db",
+                url or self.url,
+                "--robot-name",
+                name,
+                "--log-level",
+                "error",
+                "--settle",
+                "0",
+            ),
             *("--robot", "tests.faults.notebook_robot:NotebookRobot", "--speed", str(speed)),
             ready="taskrpc-server ready",
             name=f"{name}.py",
@@ -242,6 +252,43 @@ async def test_paused_server_does_not_disturb_those_that_took_over(
     scene.judge_runs()
     await scene.observer.close()
     counts.check("run twice", "overwritten", happened=("paused",))
+
+
+def never_halts_its_robot(patch):
+    patch(FleetWorker, "lease_ended", lambda worker: None)
+
+
+@pytest.mark.planted(Bug(never_halts_its_robot, breaks="driven without a lease"))
+async def test_server_behind_a_black_hole_halts_its_robot_and_comes_back(
+    postgres_url, shared_cluster, tmp_path, programs, counts
+):
+    scene = Rehearsal(postgres_url, tmp_path, programs, counts)
+    async with PostgresProxy(shared_cluster.port) as proxy:
+        url = postgres_url.replace(f":{shared_cluster.port}/", f":{proxy.port}/")
+        await scene.start("r1", speed=1, url=url)
+        async with taskrpc.Node("user") as node:
+            client = node.create_client(RobotTask, "/robot_task", timeout=30)
+            far = scene.places[-1]
+            await client.call(RobotTask.Request(task_type="move", target=far, priority=5))
+        assert await scene.until(lambda tasks: scene.begun()[far] == 1)
+        await scene.start("r2", speed=0.5)
+        proxy.is_black_hole = True
+        counts["partitions"] += 1
+        assert await scene.until(lambda tasks: tasks[1].state is TaskState.INTERRUPTED, 20)
+        await scene.requeue_interrupted()
+        assert await scene.until(lambda tasks: tasks[1].robot == "r2", 20)
+        await asyncio.sleep(10)  # the drive of r1 would have ended by now
+        counts["driven without a lease"] += f"ended {far}" in scene.lines("r1")
+        proxy.is_black_hole = False
+        back = await scene.until(
+            lambda tasks: scene.observer.state.robots["r1"].is_live(scene.observer.now()), 30
+        )
+        counts["came back"] += back
+        scene.judge_runs()
+        await scene.observer.close()
+        for server in scene.servers.values():
+            await kill(server)
+    counts.check("run twice", "driven without a lease", happened=("partitions", "came back"))
 
 
 def forgets_the_running_task(patch):

@@ -5,6 +5,7 @@ import json
 
 import pytest
 
+from taskrpc.fleet import FleetManager, FleetSettings, MemoryFleet, MemoryFleetStore
 from taskrpc.robot import KinematicRobot, default_world
 from taskrpc.tasks import MemoryStore, page_events
 from taskrpc.tasks.manager import TaskManager, TaskSettings
@@ -328,3 +329,26 @@ async def test_each_first_page_gets_the_statistics_of_calls(manager):
         assert dict(read(states))["calls"]["stats"]["total"] == 0
         tab.close()
         await asyncio.sleep(5)
+
+
+async def test_page_of_a_fleet_shows_its_own_robot_and_the_tasks_of_all_robots():
+    loop = asyncio.get_running_loop()
+    database = MemoryFleet(lambda: NOON + loop.time())
+    first, second = (
+        FleetManager(LineRobot(), MemoryFleetStore(database), FleetSettings(name=name))
+        for name in ("r1", "r2")
+    )
+    await first.start()
+    await second.start()
+    for _ in range(4):
+        await first.submit("move", "30", 5)
+    await asyncio.sleep(1)
+    for manager, own, other in ((first, "r1", "r2"), (second, "r2", "r1")):
+        shown = events(LiveTasks(manager))["tasks"]
+        assert shown["running"]["robot"] == own
+        assert [task["state"] for task in shown["queue"]] == ["RUNNING", "QUEUED", "QUEUED"]
+        assert shown["queue"][0]["robot"] == other
+        assert {task["robot"] for task in shown["queue"][1:]} == {"r1", "r2"}
+        assert (shown["queued"], shown["more"]) == (2, 0)
+    await first.close()
+    await second.close()
