@@ -195,6 +195,7 @@ def test_the_reference_has_every_command_with_every_option():
 MODULES = {
     "taskrpc": taskrpc.__all__,
     "taskrpc.sync": importlib.import_module("taskrpc.sync").__all__,
+    "taskrpc.fleet": importlib.import_module("taskrpc.fleet").__all__,
     "taskrpc.logs": ["CallFilter", "JsonFormatter", "TextFormatter", "handler"],
     "taskrpc.metrics": ["Family", "Histogram", "Kind", "Sample", "render", "store_families"],
     "taskrpc.metrics.tasks": ["MeasuredStore", "task_families"],

@@ -76,6 +76,11 @@ class DatabaseUrl:
     def __str__(self) -> str:
         return self.shown
 
+    @property
+    def has_password(self) -> bool:
+        """Whether the URL itself contains a password."""
+        return bool(self._password)
+
     async def connect(self, name: str) -> Connection:
         """Return a new connection with this application name. Raises StoreError."""
         _check_loop()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import platform
 import re
 from typing import TYPE_CHECKING
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
     from taskrpc.fleet import FleetServer, FleetStore
     from taskrpc.node import Node
     from taskrpc.robot.protocol import Robot
+
+log = logging.getLogger("taskrpc.fleet")
 
 _PREFIXES = "postgresql://", "postgres://"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}", re.ASCII)
@@ -73,7 +76,13 @@ def store_of(options: argparse.Namespace) -> FleetStore:
     from taskrpc.fleet import postgres_connection  # noqa: F401
     from taskrpc.fleet.postgres_store import PostgresStore
 
-    return PostgresStore(options.db)
+    store = PostgresStore(options.db)
+    if store.url.has_password:
+        log.warning(
+            "other users of this machine can read the password in --db;"
+            " put it into PGPASSWORD or ~/.pgpass instead"
+        )
+    return store
 
 
 def make_server(

@@ -1,6 +1,7 @@
 """`taskrpc-server --db postgresql://…`: its options, and mistakes in them."""
 
 import sys
+from argparse import Namespace
 
 import pytest
 
@@ -69,6 +70,15 @@ def test_missing_psycopg_is_named_with_the_command(server, monkeypatch):
     code, error = server("--db", URL)
     assert code == 1
     assert "pip install 'taskrpc[postgres]'" in error
+
+
+def test_password_in_the_command_is_reported(caplog):
+    pytest.importorskip("psycopg")
+    for url, count in ((URL, 1), (URL.replace(":s3cret-word", ""), 0)):
+        caplog.clear()
+        fleet_server.store_of(Namespace(db=url))
+        assert caplog.text.count("put it into PGPASSWORD or ~/.pgpass instead") == count
+        assert "s3cret" not in caplog.text
 
 
 @pytest.mark.parametrize(
