@@ -46,6 +46,19 @@ def mismatch_of(publisher: TopicEndpoint, subscription: TopicEndpoint) -> Mismat
     return None
 
 
+def qos_mismatch_text(topic: str, mismatch: str, *, publishes: bool) -> str:
+    """Return rclpy's log line of a publisher or a subscription whose QoS does not match."""
+    found, does, end = (
+        ("subscription", "requesting", "sent to it")
+        if publishes
+        else ("publisher", "offering", "received from it")
+    )
+    return (
+        f"New {found} discovered on topic '{topic}', {does} incompatible QoS. No messages will be"
+        f" {end}. Last incompatible policy: {mismatch}"
+    )
+
+
 def subscribe(session: BaseSession, subscription_id: int, wanted: TopicEndpoint) -> None:
     """Send a subscription."""
     body = messages.encode(wanted)

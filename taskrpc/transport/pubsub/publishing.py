@@ -353,7 +353,4 @@ def _unmatched(publisher: TopicEndpoint, wanted: TopicEndpoint, mismatch: str, w
             f" {wanted.type_hash[:15]}…; it is published as {publisher.type_name} with"
             f" {publisher.type_hash[:15]}…: nothing is sent to it"
         )
-    return (
-        f"New subscription discovered on topic '{topic}', requesting incompatible QoS. No messages"
-        f" will be sent to it. Last incompatible policy: {mismatch}"
-    )
+    return wire.qos_mismatch_text(topic, mismatch, publishes=True)

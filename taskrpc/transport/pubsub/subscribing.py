@@ -313,7 +313,4 @@ def _unmatched(publisher: TopicEndpoint, wanted: TopicEndpoint, mismatch: str) -
             f" {publisher.type_hash[:15]}…; {wanted.node} subscribes to it as {wanted.type_name}"
             f" with {wanted.type_hash[:15]}…: nothing is received from it"
         )
-    return (
-        f"New publisher discovered on topic '{topic}', offering incompatible QoS. No messages will"
-        f" be received from it. Last incompatible policy: {mismatch}"
-    )
+    return wire.qos_mismatch_text(topic, mismatch, publishes=False)

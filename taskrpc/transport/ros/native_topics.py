@@ -17,15 +17,18 @@ import srvgen
 from srvgen import FieldError
 from taskrpc.errors import InvalidRequest
 from taskrpc.transport.base import Deliver, OnMismatch
+from taskrpc.transport.codec import codec_of
 from taskrpc.transport.ros import bytes_message, qualities
 from taskrpc.transport.ros.conversion import from_ros
-from taskrpc.transport.ros.spinning import Handoff
+from taskrpc.transport.ros.spinning import Ending, Handoff, wait_until_sent
 from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import TopicEndpoint
+from taskrpc.wire.topics import qos_mismatch_text
 
 log = logging.getLogger("taskrpc.transport")
 
-_MISMATCHES = {"RELIABILITY": "RELIABILITY", "DURABILITY": "DURABILITY"}
+MAX_WARNINGS = 100
+"""Warnings of one publisher or subscription; others could cause any number of mismatches."""
 
 
 class Carrier:
@@ -50,8 +53,7 @@ class Carrier:
         """Return the bytes for rclpy. Raises InvalidRequest."""
         given = getattr(message, "_ORIGINAL", None) or message.__class__
         if given is not self._msg_type:
-            got = getattr(message, "_TYPE", type(message).__name__)
-            raise InvalidRequest("", f"expected a {self._msg_type._TYPE}, got {got}")
+            codec_of(self._msg_type).encode(message)  # raises the error for another class
         try:
             body = srvgen.to_cdr(message)
         except FieldError as error:
@@ -92,20 +94,25 @@ class NativePublisher:
         carrier: Carrier,
         on_mismatch: OnMismatch | None,
         handoff: Handoff,
+        ending: Ending,
     ) -> None:
         self.on_matched: Callable[[], object] = _nothing
         self.sent = 0
+        self._ros = ros
+        self._ending = ending
         self.encode = carrier.encode
         self._node = node
-        self._handoff = handoff
+        self._named = named
+        mismatch = _Mismatch(named, on_mismatch, handoff, publishes=True)
         self._create = partial(
             node.create_publisher,
             carrier.ros_class,
             carrier.topic(named.name),
-            qualities.topic_profile(ros, named),
+            qualities.topic_profile(ros, named, publishes=True),
             event_callbacks=ros.event_handler.PublisherEventCallbacks(
                 matched=lambda _: handoff.put(self._report_match),
-                incompatible_qos=partial(_on_mismatch, ros, named, on_mismatch, handoff),
+                incompatible_qos=partial(mismatch.quality, ros),
+                incompatible_type=mismatch.type_differs,
                 use_default_callbacks=False,
             ),
         )
@@ -141,10 +148,15 @@ class NativePublisher:
             self._publisher = self._create()
 
     def close(self) -> None:
-        """End the publisher."""
+        """End the publisher, after its last message has arrived."""
         if not self._is_closed:
             self._is_closed = True
-            self._node.destroy_publisher(self._publisher)
+            self._ending.put(self._end)
+
+    def _end(self) -> None:
+        if self._named.reliable:
+            wait_until_sent(self._ros, self._publisher)
+        self._node.destroy_publisher(self._publisher)
 
     def _report_match(self) -> None:
         if not self._is_closed:
@@ -171,16 +183,18 @@ class NativeSubscription:
         self._node = node
         self._reads = 0
         self._is_closed = False
+        mismatch = _Mismatch(named, on_mismatch, handoff, publishes=False)
         self._subscription = node.create_subscription(
             carrier.ros_class,
             carrier.topic(named.name),
             lambda body: handoff.put(self._arrived, body),
-            qualities.topic_profile(ros, named),
+            qualities.topic_profile(ros, named, publishes=False),
             raw=True,
             event_callbacks=ros.event_handler.SubscriptionEventCallbacks(
                 matched=lambda _: handoff.put(self._report_match),
                 message_lost=lambda status: handoff.put(self._count_lost, status.total_count),
-                incompatible_qos=partial(_on_mismatch, ros, named, on_mismatch, handoff),
+                incompatible_qos=partial(mismatch.quality, ros),
+                incompatible_type=mismatch.type_differs,
                 use_default_callbacks=False,
             ),
         )
@@ -212,17 +226,38 @@ class NativeSubscription:
 def _nothing() -> None: ...
 
 
-def _on_mismatch(
-    ros: Any,
-    named: TopicEndpoint,
-    on_mismatch: OnMismatch | None,
-    handoff: Handoff,
-    status: Any,
-) -> None:
-    """Report on rclpy's thread that a quality of service of the other end does not match."""
-    policy = ros.qos.qos_policy_name_from_kind(status.last_policy_kind)
-    difference = _MISMATCHES.get(str(policy), str(policy))
-    if on_mismatch is not None:
-        handoff.put(on_mismatch, difference)
-    else:
-        log.warning("%s: the %s of another program does not match", named.name, difference)
+class _Mismatch:
+    """Reports that the other end of a topic does not match; called on rclpy's thread."""
+
+    def __init__(
+        self,
+        named: TopicEndpoint,
+        on_mismatch: OnMismatch | None,
+        handoff: Handoff,
+        *,
+        publishes: bool,
+    ) -> None:
+        self._named = named
+        self._on_mismatch = on_mismatch
+        self._handoff = handoff
+        self._publishes = publishes
+        self._warnings = 0
+
+    def quality(self, ros: Any, status: Any) -> None:
+        """Report a quality of service."""
+        policy = str(ros.qos.qos_policy_name_from_kind(status.last_policy_kind))
+        text = qos_mismatch_text(self._named.name, policy, publishes=self._publishes)
+        self._handoff.put(self._report, policy, text)
+
+    def type_differs(self, _: Any) -> None:
+        """Report another type."""
+        named = self._named
+        text = f"another program uses {named.name} with another type than {named.type_name}"
+        self._handoff.put(self._report, "TYPE", f"{text}: they exchange no messages")
+
+    def _report(self, policy: str, text: str) -> None:
+        if self._on_mismatch is not None:
+            self._on_mismatch(policy)
+        elif self._warnings < MAX_WARNINGS:
+            self._warnings += 1
+            log.warning("%s", text)

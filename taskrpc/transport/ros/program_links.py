@@ -71,10 +71,12 @@ class ProgramLinks:
             raw=True,
         )
 
-    def close(self) -> None:
-        """Send and report nothing any more."""
+    def close(self) -> list[Any]:
+        """Send and report nothing any more; return the publishers with the last datagrams."""
         self._events = None
+        senders = [each.sender for each in self._programs.values() if each.sender is not None]
         self._programs.clear()
+        return senders
 
     @property
     def awaited(self) -> list[str]:
@@ -175,7 +177,7 @@ class _Program:
         self.is_reported = False
         self._links = links
         self._watch = links.create_watch(program, self._announced, self._alive)
-        self._sender: Any = None
+        self.sender: Any = None
         """The publisher for its inbox; None until something is sent."""
         self._waiting: deque[bytes] = deque(maxlen=_MOST_WAITING)
         self._is_matched = False
@@ -187,25 +189,25 @@ class _Program:
             self._publish(datagram)
             return
         self._waiting.append(datagram)
-        if self._sender is None:
-            self._sender = self._links.create_sender(self.id, self._matched)
+        if self.sender is None:
+            self.sender = self._links.create_sender(self.id, self._matched)
         self._matched()
 
     def close(self) -> None:
         """Forget the program."""
         self._is_closed = True
-        self._links.destroy(self._sender, self._watch)
+        self._links.destroy(self.sender, self._watch)
 
     def _matched(self) -> None:
         if self._is_closed:
             return
-        self._is_matched = self._sender.get_subscription_count() > 0
+        self._is_matched = self.sender.get_subscription_count() > 0
         while self._is_matched and self._waiting:
             self._publish(self._waiting.popleft())
 
     def _publish(self, datagram: bytes) -> None:
         try:
-            self._sender.publish(bytes_message.pack(datagram))
+            self.sender.publish(bytes_message.pack(datagram))
         except Exception as error:  # the queue is full; the tunnel notices the missing number
             log.warning("cannot send to the program %s: %s", self.id, error)
 

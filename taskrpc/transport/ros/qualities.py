@@ -9,17 +9,19 @@ from taskrpc.wire.messages import TopicEndpoint
 MAX_DEPTH = 5000
 """The most messages that are kept. DDS reserves the places, so a larger depth costs memory."""
 _NO_HASH = "RIHS01_" + 64 * "0"
-SERVICE_DEPTH = 1000
-"""Requests that wait until the thread of rclpy reads them. ROS's default of 10 loses some of a
-burst."""
+LEAST_DEPTH = 1000
+"""Requests and messages that wait until the thread of rclpy reads them. ROS's default of 10 loses
+some of a burst. The depth of a subscription limits what waits for its callback, later."""
 
 
-def topic_profile(ros: Any, named: TopicEndpoint) -> Any:
+def topic_profile(ros: Any, named: TopicEndpoint, *, publishes: bool) -> Any:
     """Return the profile of a publisher or subscription."""
     qos = ros.qos
+    # The depth of a latched publisher is what later subscriptions get.
+    least = 1 if publishes and named.latched else LEAST_DEPTH
     return qos.QoSProfile(
         history=qos.HistoryPolicy.KEEP_LAST,
-        depth=min(named.depth, MAX_DEPTH),
+        depth=min(max(named.depth, least), MAX_DEPTH),
         reliability=_reliability(qos, named.reliable),
         durability=_durability(qos, named.latched),
     )
@@ -30,7 +32,7 @@ def service_profile(ros: Any) -> Any:
     qos = ros.qos
     return qos.QoSProfile(
         history=qos.HistoryPolicy.KEEP_LAST,
-        depth=SERVICE_DEPTH,
+        depth=LEAST_DEPTH,
         reliability=_reliability(qos, reliable=True),
         durability=_durability(qos, latched=False),
     )

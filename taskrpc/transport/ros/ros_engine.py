@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import logging
 import os
-import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -24,7 +23,7 @@ from taskrpc.transport.ros.installed import NotBuilt, real_rclpy, ros_class
 from taskrpc.transport.ros.native_services import NativeClient, NativeServer, Unserved
 from taskrpc.transport.ros.native_topics import Carrier, NativePublisher, NativeSubscription
 from taskrpc.transport.ros.program_links import NODE, ProgramLinks, place_of
-from taskrpc.transport.ros.spinning import Handoff, Spinner
+from taskrpc.transport.ros.spinning import Ending, Handoff, Spinner, wait_until_sent
 from taskrpc.transport.settings import Settings
 from taskrpc.transport.tunnel.tunnel_network import TunnelNetwork
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
@@ -61,6 +60,7 @@ class RosEngine:
         self._id = os.urandom(8).hex()
         self._loop = asyncio.get_running_loop()
         self._handoff = Handoff(self._loop)
+        self._ending = Ending()
         self._links = ProgramLinks(self._ros, self._bytes_class, self._handoff)
         self._events: EngineEvents | None = None
         """None before `open` and after `close`."""
@@ -134,14 +134,16 @@ class RosEngine:
         if self._looking is not None:
             self._looking.cancel()
         self._events = None
-        self._links.close()
+        senders = self._links.close()
         self._handoff.close()
         if self._context is not None:
             context, self._context = self._context, None
-            # Not a daemon: at the end of the program DDS must tell the others that it leaves.
-            threading.Thread(target=self._leave, args=(context,), name="taskrpc ROS end").start()
+            self._ending.put(self._leave, context, senders)
+            self._ending.close()
 
-    def _leave(self, context: Any) -> None:
+    def _leave(self, context: Any, senders: list[Any]) -> None:
+        for sender in senders:
+            wait_until_sent(self._ros, sender)
         for spinner in self._spinners:
             spinner.close()
         for node, _ in [*self._nodes.values(), (self._node, 1)]:
@@ -242,7 +244,7 @@ class RosEngine:
                 del self._clients[key]
                 client.close()
         self._spinners[1].remove(node)
-        node.destroy_node()
+        self._ending.put(node.destroy_node)  # after its publishers
 
     def _node_of(self, full_name: str) -> Any:
         """Return a node of this program; the hidden one for a name that is not known."""
@@ -285,7 +287,9 @@ class RosEngine:
     ) -> NativePublisher:
         """Create a publisher on ROS 2."""
         node, carrier = self._node_of(named.node), self._carrier(named, msg_type)
-        return NativePublisher(self._ros, node, named, carrier, on_mismatch, self._handoff)
+        return NativePublisher(
+            self._ros, node, named, carrier, on_mismatch, self._handoff, self._ending
+        )
 
     def create_subscription(
         self,

@@ -8,7 +8,11 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
+
+_LAST_WORDS = 1.0
+"""Seconds that the last messages get."""
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -49,6 +53,28 @@ class Handoff:
             except Exception as error:
                 context = {"message": "a callback of ROS 2 failed", "exception": error}
                 self._loop.call_exception_handler(context)
+
+
+class Ending:
+    """Ends things of rclpy in a thread, one after the other, because it may take a second."""
+
+    def __init__(self) -> None:
+        # Python waits for this thread at its end, so that the last messages are sent.
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="taskrpc ROS end")
+
+    def put(self, action: Callable[..., object], *arguments: Any) -> None:
+        """Call an action in the thread; rclpy's errors at the end are of no interest."""
+        self._thread.submit(action, *arguments)
+
+    def close(self) -> None:
+        """Accept no more actions; those that are there still run."""
+        self._thread.shutdown(wait=False)
+
+
+def wait_until_sent(ros: Any, publisher: Any) -> None:
+    """Wait until all subscriptions have the messages of a reliable publisher, a second at most."""
+    with contextlib.suppress(Exception):  # the context may be over
+        publisher.wait_for_all_acked(ros.duration.Duration(seconds=_LAST_WORDS))
 
 
 class Spinner:

@@ -11,13 +11,13 @@ from tests.taskrpc.transport.helpers import Add, add, ask, outcome, until, until
 async def test_domains_do_not_see_each_other(net, monkeypatch):
     server = await net.node()
     server.create_service(Add, "add", add)
-    monkeypatch.setenv("ROS_DOMAIN_ID", "1")
-    stranger = await net.node("stranger")
+    with monkeypatch.context() as patch:
+        patch.setenv("ROS_DOMAIN_ID", "1")
+        stranger = await net.node("stranger")
     client = stranger.create_client(Add, "add")
     assert not await client.wait_for_service(0.2)
     assert isinstance(await outcome(client.call(ask())), taskrpc.ServiceUnavailable)
     assert "/server" not in [name for entry in await stranger.graph() for name in entry.nodes]
-    monkeypatch.delenv("ROS_DOMAIN_ID")
     friend = await net.client(Add, "add", node="friend")
     assert await friend.wait_for_service(60)
     assert (await friend.call(ask(1, 2))).sum == 3

@@ -114,6 +114,8 @@ class Endpoint:
         self.callback = callback
         self.events = events
         self.last = None
+        self.waited = []
+        """How long it waited for the last messages."""
         self.node.ros.topics[topic].append(self)
         for other in self.others:
             for each in (self, other):
@@ -131,6 +133,9 @@ class Endpoint:
         self.last = body
         for each in self.others:
             each.callback(body)
+
+    def wait_for_all_acked(self, seconds):
+        self.waited.append(seconds)
 
     def get_subscription_count(self):
         return len(self.others)

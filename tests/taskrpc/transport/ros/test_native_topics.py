@@ -9,7 +9,7 @@ import pytest
 import srvgen
 from taskrpc.errors import InvalidRequest
 from taskrpc.transport.ros.native_topics import Carrier, NativePublisher, NativeSubscription
-from taskrpc.transport.ros.spinning import Handoff
+from taskrpc.transport.ros.spinning import Ending, Handoff
 from taskrpc.wire.messages import TopicEndpoint
 from tests.taskrpc.transport.ros.fake_ros import ros_message
 
@@ -28,11 +28,12 @@ class Pair:
             ros, String, ros_message("std_msgs/msg/String") if is_built else None, object
         )
         self.got, self.mismatches, self.node, self.ros = [], [], node, ros
-        self.publisher = NativePublisher(ros, node, named, self.carrier, None, handoff)
+        self.publisher = NativePublisher(ros, node, named, self.carrier, None, handoff, Ending())
         self.subscribe = lambda: NativeSubscription(
             ros, node, named, self.carrier, self.arrived, self.mismatches.append, handoff
         )
         self.subscription = self.subscribe()
+        self.waited = ros.topics[self.carrier.topic("/chat")][0].waited
 
     def arrived(self, body, number):
         self.got.append((self.carrier.decode(body).data, number))
@@ -80,7 +81,15 @@ async def test_mismatch_is_logged_without_a_callback(ros, caplog):
     Pair(ros)
     status = type("Status", (), {"last_policy_kind": "RELIABILITY"})
     ros.topics["/chat"][0].events.incompatible_qos(status)
-    assert "/chat: the RELIABILITY of another program does not match" in caplog.text
+    await asyncio.sleep(0)
+    assert "New subscription discovered on topic '/chat', requesting incompatible" in caplog.text
+
+
+async def test_another_type_is_reported(ros):
+    pair = Pair(ros)
+    ros.topics["/chat"][1].events.incompatible_type(None)
+    await asyncio.sleep(0)
+    assert pair.mismatches == ["TYPE"]
 
 
 async def test_lost_messages_are_counted(ros):
@@ -126,7 +135,9 @@ async def test_closed_ends_do_nothing(ros):
     pair.publisher.forget_latched()
     await asyncio.sleep(0)
     assert (pair.got, pair.publisher.matched, pair.subscription.matched) == ([], 0, 0)
-    assert ros.topics["/chat"] == []
+    while ros.topics["/chat"]:  # the publisher ends in a thread
+        await asyncio.to_thread(lambda: None)
+    assert pair.waited == [1.0]
 
 
 async def test_wrong_values_are_refused(ros):
