@@ -14,6 +14,8 @@ from taskrpc.transport.ros.conversion import from_ros, to_ros
 from taskrpc.transport.ros.definitions import message_of_ros, service_of_ros
 from taskrpc.transport.ros.installed import ros_class
 
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
+
 MESSAGES = [
     f"{package}/msg/{name}"
     for package in ("test_msgs", "std_msgs", "geometry_msgs")

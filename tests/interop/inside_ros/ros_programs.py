@@ -10,6 +10,7 @@ import contextlib
 import itertools
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -24,6 +25,7 @@ from taskrpc.errors import DeadlineExceeded, OutcomeUnknown, ServiceUnavailable,
 
 pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 
+ROOT = Path(__file__).parents[3]
 PEER = Path(__file__).parent / "peer.py"
 Trigger = srvgen.load("std_srvs/srv/Trigger")
 SetBool = srvgen.load("std_srvs/srv/SetBool")
@@ -333,6 +335,29 @@ async def test_task_server_on_ros(stack, start, tmp_path):
     )
     printed, _ = await calling.communicate()
     assert json.loads(printed)["message"] == "Task queued: move"
+
+
+def program_of(name):
+    """Return a program of the how-to page."""
+    page = (ROOT / "docs" / "how-to" / "run-on-a-ros-2-robot.md").read_text(encoding="utf-8")
+    return re.search(rf"^`{name}`\n.*?^```python\n(.*?)^```", page, re.DOTALL | re.MULTILINE)[1]
+
+
+async def test_programs_of_the_page_work(start, tmp_path):
+    for name in ("door.py", "visitor.py"):
+        (tmp_path / name).write_text(program_of(name))
+    start(tmp_path / "door.py", until="ready")
+    assert "True std_srvs.srv.SetBool_Response(success=True, message='open')" in await output(
+        "invert", "/door"
+    )
+    visitor = await asyncio.to_thread(
+        subprocess.run,
+        [sys.executable, tmp_path / "visitor.py"],
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert (visitor.stdout, visitor.stderr) == ("open\n", "")
 
 
 async def test_laptop_calls_the_robot_through_the_gateway(start, peer, monkeypatch):
