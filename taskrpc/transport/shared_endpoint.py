@@ -41,6 +41,11 @@ TRANSPORTS = {
     "tcp": Registration("taskrpc.transport.tcp.tcp_network:open_network", in_lab=True),
     "memory": Registration("taskrpc.transport.memory:open_network"),
     "ros": Registration("taskrpc.transport.ros.ros_engine:open_network"),
+    "zenoh": Registration(
+        "taskrpc.transport.zenoh.zenoh_engine:open_network",
+        needs="zenoh",
+        advice="pip install 'taskrpc[zenoh]'",
+    ),
 }
 """The values of `transport=`. A new transport needs one line here; see `network` and `engine`."""
 

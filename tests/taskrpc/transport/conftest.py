@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import importlib.util
 import itertools
+import socket
 
 import pytest
 
@@ -78,8 +79,20 @@ class Network:
         return (await self.node(node)).create_client(srv_type, name, **options)
 
 
+@pytest.fixture(scope="session")
+def zenoh_router():
+    """A router, and its address; all tests of this process share it."""
+    session_module = pytest.importorskip("taskrpc.transport.zenoh.session")
+    from taskrpc.transport.zenoh.configuration import router_configuration
+
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        place = f"127.0.0.1:{free.getsockname()[1]}"
+    with session_module.open_session(router_configuration(place)):
+        yield place
+
+
 @pytest.fixture
-async def net(monkeypatch):
+async def net(monkeypatch, request):
     name = case_of(type(asyncio.get_running_loop())) or "tcp"
     case = CASES[name]
     if case.opener:
@@ -92,5 +105,8 @@ async def net(monkeypatch):
         # All programs of a test are in this process: the first one has nobody to wait for.
         monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE", 0.3)
         monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE_ALONE", 0.3)
+    if case.transport == "zenoh":
+        place = request.getfixturevalue("zenoh_router")
+        monkeypatch.setenv("ZENOH_CONFIG_OVERRIDE", f'connect/endpoints=["tcp/{place}"]')
     async with contextlib.AsyncExitStack() as stack:
         yield Network(stack, case, name)

@@ -76,6 +76,8 @@ CASES = {
     "tcp": Case("tcp", REAL, lacks=SHARED_SECRETS, by_address=True),
     "tunnel": Case("tunnel", VIRTUAL, MEMORY_ENGINE, {"token": "secret"}, "listen"),
     "native": Case("tunnel", VIRTUAL, MEMORY_ENGINE, {}, "listen", NATIVE_TOPICS),
+    "zenoh": Case("zenoh", REAL, "", {"token": "secret"}, "listen", mark="interop"),
+    "zenoh native": Case("zenoh", REAL, "", {}, "listen", NATIVE_TOPICS, mark="interop"),
 }
 if find_spec("rclpy") and find_spec("rclpy._rclpy_pybind11"):  # the real one
     ROS = Case("ros", REAL, mark="interop", domains=range(100, 121))
