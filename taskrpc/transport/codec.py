@@ -75,7 +75,7 @@ class Codec:
         def encode(message: Any) -> bytes:
             # A message with checked fields has a class of its own, made from the original.
             if message.__class__ is not cls and getattr(message, "_ORIGINAL", None) is not cls:
-                raise InvalidRequest("", f"expected a {cls._TYPE}, got {_type_of(message)}")
+                raise InvalidRequest("", f"expected a {cls._TYPE}, got {described(message)}")
             try:
                 message._check()
                 return _encode(message)
@@ -188,7 +188,8 @@ def _invalid(error: ValueError) -> InvalidRequest:
     return InvalidRequest(getattr(error, "path", ""), getattr(error, "problem", str(error)))
 
 
-def _type_of(message: object) -> str:
+def described(message: object) -> str:
+    """Return what a value is, for an error: its type, or that it is a class."""
     if isinstance(message, type):
         return f"the class {message.__name__} itself; write {message.__name__}()"
     return str(getattr(type(message), "_TYPE", type(message).__name__))

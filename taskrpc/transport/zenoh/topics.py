@@ -2,67 +2,144 @@
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import os
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
+import msgspec
 import zenoh
 from zenoh import ext
 
 import srvgen
 from taskrpc.errors import InvalidRequest
-from taskrpc.transport.base import Deliver
+from taskrpc.transport.base import Deliver, OnMismatch
+from taskrpc.transport.codec import described
 from taskrpc.transport.zenoh import attachment
+from taskrpc.transport.zenoh.graph import Graph
 from taskrpc.transport.zenoh.session import HandOff
+from taskrpc.transport.zenoh.tokens import Kind, Token
 from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import TopicEndpoint
+
+log = logging.getLogger("taskrpc.transport")
 
 HEARTBEAT = 0.5
 """Seconds between two announcements of a reliable transient_local publisher's last message, as in
 rmw_zenoh."""
 MAX_GIDS = 1024
 """Publishers whose sequence numbers a subscription remembers."""
+MAX_WARNINGS = 100
+"""Differences of type that one publisher or subscription reports; strangers could cause any number
+of them."""
 
 
-class ZenohPublisher:
-    """A native publisher. `matched` counts the subscriptions now; `on_close` is called once."""
+class Place(msgspec.Struct, frozen=True):
+    """Where a publisher or subscription is in Zenoh and in the graph."""
+
+    session: zenoh.Session
+    graph: Graph
+    key: str
+    """The key of its messages."""
+    token: str
+    """The key of its liveliness token."""
+    on_close: Callable[[NativeTopic], object]
+    """Called once, when it is closed."""
+
+
+class NativeTopic:
+    """What a native publisher and a native subscription have in common."""
+
+    counterpart: Kind
+    """What it exchanges messages with."""
 
     def __init__(
-        self,
-        session: zenoh.Session,
-        key: str,
-        token: str,
-        named: TopicEndpoint,
-        msg_type: Any,
-        matched: Callable[[], int],
-        on_close: Callable[[ZenohPublisher], object],
+        self, place: Place, named: TopicEndpoint, on_mismatch: OnMismatch | None = None
     ) -> None:
         self.named = named
-        self.sent = 0
-        self.lost = 0
         self.on_matched: Callable[[], object] = _nothing
-        self._session = session
-        self._key = key
-        self._msg_type = msg_type
-        self._matched = matched
-        self._on_close = on_close
-        self._gid = os.urandom(attachment.GID_SIZE)
-        self._publisher: Any = self._declare()  # plain or advanced
-        self._token = session.liveliness().declare_token(token)
+        self._place = place
+        self._on_mismatch = on_mismatch
+        self._warnings = 0
+        self._loop = asyncio.get_running_loop()
+        self._token = place.session.liveliness().declare_token(place.token)
+        for token in place.graph.named(self.counterpart, named.name):
+            self.appeared(token)
+
+    @property
+    def token(self) -> str:
+        """The key of its liveliness token."""
+        return self._place.token
 
     @property
     def matched(self) -> int:
-        """How many subscriptions get its messages."""
-        return self._matched()
+        """How many subscriptions or publishers it exchanges messages with."""
+        tokens = self._place.graph.named(self.counterpart, self.named.name)
+        return sum(self._is_same_type(token) for token in tokens)
+
+    def appeared(self, token: Token) -> None:
+        """Note a counterpart of the same name: report it, or that it has another type."""
+        if self._is_same_type(token):
+            self.counterparts_changed()
+        elif self._warnings < MAX_WARNINGS:
+            self._warnings += 1
+            if self._on_mismatch is None:
+                log.warning("%s", _different(self.named, token))
+            else:
+                self._loop.call_soon(partial(self._on_mismatch, "TYPE"))
+
+    def counterparts_changed(self) -> None:
+        """Call `on_matched` in a later turn of the loop."""
+        self._loop.call_soon(self._report)
+
+    def close(self) -> None:
+        """End it."""
+        self._token.undeclare()
+        self._place.on_close(self)
+
+    def _report(self) -> None:
+        self.on_matched()  # looked up only now: it may have been set in the turn of the match
+
+    def _is_same_type(self, token: Token) -> bool:
+        named = self.named
+        return (named.type_name, named.type_hash) == (token.type_name, token.type_hash)
+
+
+def _different(named: TopicEndpoint, token: Token) -> str:
+    publishes = token.kind is Kind.PUBLISHER
+    publisher, subscriber = (token, named) if publishes else (named, token)
+    return (
+        f"{publisher.node} publishes {named.name} as {publisher.type_name} with the hash"
+        f" {publisher.type_hash[:15]}…, {subscriber.node} subscribes to it as"
+        f" {subscriber.type_name} with {subscriber.type_hash[:15]}…: they exchange no messages"
+    )
+
+
+class ZenohPublisher(NativeTopic):
+    """A native publisher."""
+
+    counterpart = Kind.SUBSCRIPTION
+
+    def __init__(
+        self, place: Place, named: TopicEndpoint, msg_type: Any, on_mismatch: OnMismatch | None
+    ) -> None:
+        self.sent = 0
+        self.lost = 0
+        self._msg_type = msg_type
+        self._gid = os.urandom(attachment.GID_SIZE)
+        self._publisher = _declare_publisher(place, named)
+        super().__init__(place, named, on_mismatch)
 
     def encode(self, message: Any) -> bytes:
         """Return the message as CDR. Raises InvalidRequest."""
         expected = self._msg_type
         # A message with checked fields has a class of its own, made from the original.
         if type(message) is not expected and getattr(message, "_ORIGINAL", None) is not expected:
-            got = getattr(type(message), "_TYPE", type(message).__name__)
-            raise InvalidRequest("", f"expected a {expected._TYPE}, got {got}")
+            problem = f"expected a {expected._TYPE}, got {described(message)}"
+            raise InvalidRequest("", problem)
         try:
             return srvgen.to_cdr(message)
         except ValueError as error:
@@ -79,96 +156,66 @@ class ZenohPublisher:
         """Forget the messages that are kept for later subscriptions."""
         if self.named.latched:
             self._publisher.undeclare()
-            self._publisher = self._declare()
+            self._publisher = _declare_publisher(self._place, self.named)
 
     def close(self) -> None:
         """End the publisher."""
-        self._token.undeclare()
+        super().close()
         self._publisher.undeclare()
-        self._on_close(self)
 
-    def _declare(self) -> zenoh.Publisher | ext.AdvancedPublisher:
-        named = self.named
-        reliability = (
-            zenoh.Reliability.RELIABLE if named.reliable else zenoh.Reliability.BEST_EFFORT
+
+def _declare_publisher(place: Place, named: TopicEndpoint) -> Any:
+    """Return a publisher of Zenoh; one with a cache for transient_local."""
+    level, congestion = zenoh.Reliability, zenoh.CongestionControl
+    reliability = level.RELIABLE if named.reliable else level.BEST_EFFORT
+    # Reliable messages wait for room on the way to the router; others are dropped.
+    control = congestion.BLOCK if named.reliable else congestion.DROP
+    if not named.latched:
+        return place.session.declare_publisher(
+            place.key, congestion_control=control, reliability=reliability
         )
-        # Reliable messages wait for room on the way to the router.
-        congestion = zenoh.CongestionControl
-        control = congestion.BLOCK if named.reliable else congestion.DROP
-        if not named.latched:
-            return self._session.declare_publisher(
-                self._key, congestion_control=control, reliability=reliability
-            )
-        # Both arguments are required; exactly one of them may have a value.
-        detection = ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT)
-        return ext.declare_advanced_publisher(
-            self._session,
-            self._key,
-            congestion_control=control,
-            reliability=reliability,
-            cache=ext.CacheConfig(named.depth),
-            sample_miss_detection=detection if named.reliable else None,
-            publisher_detection=True,
-        )
+    # Both arguments are required; exactly one of them may have a value.
+    detection = ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT)
+    return ext.declare_advanced_publisher(
+        place.session,
+        place.key,
+        congestion_control=control,
+        reliability=reliability,
+        cache=ext.CacheConfig(named.depth),
+        sample_miss_detection=detection if named.reliable else None,
+        publisher_detection=True,
+    )
 
 
-class ZenohSubscription:
-    """A native subscription. `matched` counts the publishers; `on_close` is called once."""
+class ZenohSubscription(NativeTopic):
+    """A native subscription."""
+
+    counterpart = Kind.PUBLISHER
 
     def __init__(
         self,
-        session: zenoh.Session,
+        place: Place,
         hand_off: HandOff,
-        key: str,
-        token: str,
         named: TopicEndpoint,
         msg_type: Any,
         deliver: Deliver,
-        matched: Callable[[], int],
-        on_close: Callable[[ZenohSubscription], object],
+        on_mismatch: OnMismatch | None,
     ) -> None:
-        self.named = named
         self.lost = 0
-        self.on_matched: Callable[[], object] = _nothing
         self.decode: Callable[[Body], Any] = _decoder(msg_type)
         self._hand_off = hand_off
         self._deliver = deliver
-        self._matched = matched
-        self._on_close = on_close
         self._closed = False
         self._last: dict[bytes, int] = {}
         """The sequence number of the last message of each publisher, by its gid."""
-        self._subscriber: Any = self._declare(session, key)  # plain or advanced
-        self._token = session.liveliness().declare_token(token)
-
-    @property
-    def matched(self) -> int:
-        """How many publishers send messages to it."""
-        return self._matched()
+        self._subscriber = _declare_subscriber(place, named, hand_off.callback(self._arrived))
+        super().__init__(place, named, on_mismatch)
 
     def close(self) -> None:
         """End the subscription."""
         self._closed = True
-        self._token.undeclare()
+        super().close()
         self._subscriber.undeclare()
-        self._on_close(self)
-
-    def _declare(
-        self, session: zenoh.Session, key: str
-    ) -> zenoh.Subscriber[Any] | ext.AdvancedSubscriber[Any]:
-        handler = self._hand_off.callback(self._arrived)
-        if not self.named.latched:
-            return session.declare_subscriber(key, handler)
-        recovery = ext.RecoveryConfig(periodic_queries=None, heartbeat=True)
-        history = ext.HistoryConfig(detect_late_publishers=True, max_samples=self.named.depth)
-        return ext.declare_advanced_subscriber(
-            session,
-            key,
-            handler,
-            history=history,
-            recovery=recovery if self.named.reliable else None,
-            subscriber_detection=True,
-        )
 
     def _arrived(self, sample: zenoh.Sample) -> None:
         if self._closed:
@@ -187,6 +234,21 @@ class ZenohSubscription:
         self._last[about.gid] = about.sequence  # at the end: the first one is the most silent
         if len(self._last) > MAX_GIDS:
             del self._last[next(iter(self._last))]
+
+
+def _declare_subscriber(place: Place, named: TopicEndpoint, handler: Any) -> Any:
+    """Return a subscriber of Zenoh; one that asks for earlier messages for transient_local."""
+    if not named.latched:
+        return place.session.declare_subscriber(place.key, handler)
+    recovery = ext.RecoveryConfig(periodic_queries=None, heartbeat=True)
+    return ext.declare_advanced_subscriber(
+        place.session,
+        place.key,
+        handler,
+        history=ext.HistoryConfig(detect_late_publishers=True, max_samples=named.depth),
+        recovery=recovery if named.reliable else None,
+        subscriber_detection=True,
+    )
 
 
 def _decoder(msg_type: Any) -> Callable[[Body], Any]:

@@ -14,8 +14,7 @@ import os
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
-from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import zenoh
 
@@ -39,8 +38,10 @@ from taskrpc.transport.zenoh.tokens import (
     Token,
     all_tokens,
 )
-from taskrpc.transport.zenoh.topics import ZenohPublisher, ZenohSubscription
+from taskrpc.transport.zenoh.topics import NativeTopic, Place, ZenohPublisher, ZenohSubscription
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
+
+_Topic = TypeVar("_Topic", bound=NativeTopic)
 
 DISCOVERY_TIMEOUT = 1.0
 """Seconds that `open` waits for the programs that are there already."""
@@ -92,8 +93,8 @@ class ZenohEngine:
         """The tokens of this program's nodes and clients."""
         self._clients: dict[str, NativeClient] = {}
         """By key."""
-        self._topics: dict[ZenohPublisher | ZenohSubscription, tuple[Kind, OnMismatch | None]] = {}
-        """The native topics of this program, with the kind of their counterparts."""
+        self._topics: dict[NativeTopic, None] = {}
+        """The native publishers and subscriptions of this program."""
 
     @property
     def _session(self) -> zenoh.Session:
@@ -277,18 +278,17 @@ class ZenohEngine:
         return [token for token in shown if token.session not in self._programs]
 
     def _token_changed(self, sample: zenoh.Sample) -> None:
-        key = str(sample.key_expr)
-        is_there = sample.kind == zenoh.SampleKind.PUT
+        self._change_token(str(sample.key_expr), is_there=sample.kind == zenoh.SampleKind.PUT)
+
+    def _change_token(self, key: str, *, is_there: bool) -> None:
         token = self._graph.add(key) if is_there else self._graph.remove(key)
         if token is None:
             return
         if token.session not in self._programs:
             self._plan_foreign_change()
-        for topic, (counterpart, on_mismatch) in list(self._topics.items()):
-            if token.kind is counterpart and token.name == topic.named.name:
-                topic.on_matched()
-                if is_there and on_mismatch is not None and not _same_type(topic.named, token):
-                    on_mismatch("TYPE")
+        for topic in list(self._topics):
+            if token.kind is topic.counterpart and token.name == topic.named.name:
+                topic.appeared(token) if is_there else topic.counterparts_changed()
 
     def _plan_foreign_change(self) -> None:
         if not self._foreign_change_planned:
@@ -362,17 +362,8 @@ class ZenohEngine:
         self, named: TopicEndpoint, msg_type: Any, on_mismatch: OnMismatch | None
     ) -> TopicPublisher:
         """Create a native publisher."""
-        publisher = ZenohPublisher(
-            self._session,
-            self._data_key(named),
-            self._token(Kind.PUBLISHER, named, _qos(named)),
-            named,
-            msg_type,
-            partial(self._count, Kind.SUBSCRIPTION, named),
-            self._topics.pop,
-        )
-        self._topics[publisher] = Kind.SUBSCRIPTION, on_mismatch
-        return publisher
+        place = self._topic_place(Kind.PUBLISHER, named)
+        return self._added(ZenohPublisher(place, named, msg_type, on_mismatch))
 
     def create_subscription(
         self,
@@ -382,22 +373,24 @@ class ZenohEngine:
         on_mismatch: OnMismatch | None,
     ) -> TopicSubscription:
         """Create a native subscription."""
-        subscription = ZenohSubscription(
-            self._session,
-            self._hand_off,
-            self._data_key(named),
-            self._token(Kind.SUBSCRIPTION, named, _qos(named)),
-            named,
-            msg_type,
-            deliver,
-            partial(self._count, Kind.PUBLISHER, named),
-            self._topics.pop,
-        )
-        self._topics[subscription] = Kind.PUBLISHER, on_mismatch
-        return subscription
+        place, hand_off = self._topic_place(Kind.SUBSCRIPTION, named), self._hand_off
+        subscription = ZenohSubscription(place, hand_off, named, msg_type, deliver, on_mismatch)
+        return self._added(subscription)
 
-    def _count(self, kind: Kind, named: TopicEndpoint) -> int:
-        return sum(_same_type(named, token) for token in self._graph.named(kind, named.name))
+    def _topic_place(self, kind: Kind, named: TopicEndpoint) -> Place:
+        qos = Qos(named.reliable, named.latched, named.depth)
+        token, removed = self._token(kind, named, qos), self._topic_closed
+        return Place(self._session, self._graph, self._data_key(named), token, removed)
+
+    def _added(self, topic: _Topic) -> _Topic:
+        # Now, so that counterparts of this program count at once.
+        self._change_token(topic.token, is_there=True)
+        self._topics[topic] = None
+        return topic
+
+    def _topic_closed(self, topic: NativeTopic) -> None:
+        del self._topics[topic]
+        self._change_token(topic.token, is_there=False)
 
 
 def _wait_for(begin: Callable[[Callable[[], object]], object]) -> None:
@@ -409,11 +402,3 @@ def _wait_for(begin: Callable[[Callable[[], object]], object]) -> None:
 
 def _ignore(_: zenoh.Reply) -> None:
     """Do nothing: the subscriber gets the tokens too."""
-
-
-def _same_type(named: TopicEndpoint, token: Token) -> bool:
-    return (named.type_name, named.type_hash) == (token.type_name, token.type_hash)
-
-
-def _qos(named: TopicEndpoint) -> Qos:
-    return Qos(named.reliable, named.latched, named.depth)

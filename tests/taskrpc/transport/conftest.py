@@ -47,7 +47,7 @@ def pytest_collection_modifyitems(items):
             # The imports of foreign packages may use what Python is going to remove.
             item.add_marker(pytest.mark.filterwarnings("ignore::DeprecationWarning"))
         if (reason := case.lacks.get(item.originalname)) is not None:
-            item.add_marker(pytest.mark.xfail(reason=reason, strict=True))
+            item.add_marker(pytest.mark.xfail(reason=reason, strict=True, run=not case.mark))
 
 
 class Network:
@@ -57,6 +57,7 @@ class Network:
         self.name = name
         self.is_virtual = isinstance(asyncio.get_running_loop(), VirtualTimeLoop)
         self.transport = case.transport
+        self.by_address = case.by_address
         self._case = case
         self._stack = stack
         self._count = itertools.count()
