@@ -1,0 +1,64 @@
+"""A program that uses pyzeros in place of taskrpc: `pyzeros_program.py PORT ACTION NAME`."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+
+import pyzeros
+import zenoh
+from pyzeros.builtin_msgs import Attachment
+from ros2_pyterfaces.cyclone.std_msgs.msg import String
+from ros2_pyterfaces.cyclone.std_srvs.srv import SetBool
+
+
+def say(value):
+    print(json.dumps(value), flush=True)
+
+
+async def serve(name):
+    server = pyzeros.Server(SetBool, name)
+    say("ready")
+    async for responder in server.listen_reliable():
+        responder.response.success = responder.request.data
+        responder.response.message = "from pyzeros"
+        responder.send()
+
+
+async def call(name):
+    client = pyzeros.Client(SetBool, name)
+    await client.wait_for_service()
+    response = await client.call_async(SetBool.Request(data=True))
+    say([bool(response.success), response.message])
+
+
+async def publish(name):
+    publisher = pyzeros.Pub(String, name)
+    say("ready")
+    while True:
+        publisher.publish(String(data="from pyzeros"))
+        await asyncio.sleep(0.05)
+
+
+async def listen(name):
+    subscriber = pyzeros.Sub(String, name)
+    say("ready")
+    async for message in subscriber.listen_reliable():
+        say(message.data)
+
+
+def main():
+    port, action, name = sys.argv[1:]
+    # Now: its first use runs a C compiler for seconds, unless the folder has the result.
+    Attachment.deserialize(bytes((0, 1, 0, 0)) + Attachment().serialize()[4:])
+    config = zenoh.Config()
+    config.insert_json5("mode", '"client"')
+    config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
+    session = zenoh.open(config)
+    with pyzeros.auto_context(node="pyzeros", zenoh_session=session, namespace="/foreign"):
+        asyncio.run(globals()[action](name))
+
+
+if __name__ == "__main__":
+    main()
