@@ -1,4 +1,4 @@
-"""A program that uses pyzeros in place of taskrpc: `pyzeros_program.py PORT ACTION NAME`."""
+"""A program that uses pyzeros: `pyzeros_program.py PORT ACTION NAME`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A program that uses zenoh-ros2-sdk in place of taskrpc: `zenoh_sdk_program.py PORT ACTION NAME`."""
+"""A program that uses zenoh-ros2-sdk: `zenoh_sdk_program.py PORT ACTION NAME`."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ DEFAULT_ROUTER = f"tcp/localhost:{DEFAULT_PORT}"
 FILE_VARIABLE = "ZENOH_SESSION_CONFIG_URI"
 OVERRIDE_VARIABLE = "ZENOH_CONFIG_OVERRIDE"
 _LOCATOR = re.compile(r"[a-z][a-z0-9_-]*/\S+")
-_HOST = re.compile(r"(\[[0-9a-fA-F:.%]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?")
+_HOST = re.compile(r"(\[[\w:.%]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?")
 _OWN = {
     "mode": '"client"',
     "scouting/multicast/enabled": "false",

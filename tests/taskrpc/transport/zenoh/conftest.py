@@ -1,0 +1,22 @@
+"""A started node on a router of its own kind, and foreign programs beside it."""
+
+from __future__ import annotations
+
+import pytest
+
+import taskrpc
+from tests.taskrpc.transport.zenoh.helpers import Foreign
+
+
+@pytest.fixture
+async def node(zenoh_router):
+    async with taskrpc.Node("here", transport="zenoh", peers=[zenoh_router]) as node:
+        yield node
+
+
+@pytest.fixture
+def foreign(zenoh_router):
+    """A program that is not taskrpc's."""
+    program = Foreign(zenoh_router)
+    yield program
+    program.close()
