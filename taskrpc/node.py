@@ -57,11 +57,12 @@ class Node:
         name: follows ROS's naming rules.
         namespace: follows ROS's naming rules. The default is the root namespace; for a node that
             calls the lab of `taskrpc join`, it is the user's namespace in this lab.
-        transport: `tcp`, or `memory` for nodes of this event loop only (tests, demos).
+        transport: `tcp`; `zenoh` to meet ROS 2 programs on rmw_zenoh too; or `memory` for nodes of
+            this event loop only (tests, demos).
         listen: `HOST:PORT` to listen at, or `unix:/path`; `unix:` alone chooses a path in the
             runtime folder. The default is any free loopback port.
         peers: `HOST:PORT` (or `unix:/path`) of processes to call, instead of this machine's
-            registry (`TASKRPC_PEERS` if not given).
+            registry (`TASKRPC_PEERS` if not given). Over Zenoh, the addresses of routers.
         tls: certificates, for connections to and from other machines.
         token: the secret that callers and peers on other machines must know
             (`TASKRPC_TOKEN` if not given). Processes of the same user on this machine need none.

@@ -40,6 +40,7 @@ _GROUPS = {
         "bag": "Record topics and calls, and play them again",
         "run": "Run a ROS 2 program without ROS",
         "bridge": "Connect browsers and programs that do not use taskrpc",
+        "router": "Run a router of Zenoh for programs that use this transport",
         "demo": "Watch a task server, three clients and a robot at work",
         "top": "Watch nodes, services, calls, the queue and the robot live",
         "doctor": "Find out why something does not work",
@@ -83,7 +84,9 @@ _ELSEWHERE = {
 }
 """Commands of ros2 that taskrpc does not have, and what to do instead."""
 
-_IN_FOLDERS = frozenset("bag bridge classroom demo doctor param pkg service task top topic".split())
+_IN_FOLDERS = frozenset(
+    "bag bridge classroom demo doctor param pkg router service task top topic".split()
+)
 """Commands of several modules: the module `command_line` of the folder has `configure`."""
 
 

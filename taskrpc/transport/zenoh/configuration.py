@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import msgspec
 
@@ -16,7 +16,6 @@ from taskrpc.errors import TaskRpcError
 
 DEFAULT_PORT = 7447
 DEFAULT_ROUTER = f"tcp/localhost:{DEFAULT_PORT}"
-FILE_VARIABLE = "ZENOH_SESSION_CONFIG_URI"
 OVERRIDE_VARIABLE = "ZENOH_CONFIG_OVERRIDE"
 _LOCATOR = re.compile(r"[a-z][a-z0-9_-]*/\S+")
 _HOST = re.compile(r"(\[[\w:.%]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?")
@@ -43,12 +42,13 @@ class Configuration(msgspec.Struct, frozen=True):
     """The routers to connect to, for errors; empty if the file names them."""
 
 
-def configuration_of(environment: Mapping[str, str], peers: Sequence[str]) -> Configuration:
-    """Return the configuration for these variables; `peers` are addresses of routers.
+def configuration_of(peers: Sequence[str], *, file: str = "", override: str = "") -> Configuration:
+    """Return the configuration of a program; `peers` are addresses of routers.
 
-    Raises TaskRpcError for an invalid address or variable.
+    `file` and `override` are the values of the environment variables. Raises TaskRpcError for an
+    invalid address or override.
     """
-    file = environment.get(FILE_VARIABLE, "").removeprefix("file://")
+    file = file.removeprefix("file://")
     routers = tuple(locator(peer) for peer in peers)
     values: list[tuple[str, str]] = []
     if not file:
@@ -56,7 +56,7 @@ def configuration_of(environment: Mapping[str, str], peers: Sequence[str]) -> Co
         values += _OWN.items()
     if routers:
         values.append(("connect/endpoints", json.dumps(routers)))
-    overridden = overrides(environment.get(OVERRIDE_VARIABLE, ""))
+    overridden = overrides(override)
     for key, value in overridden:
         if key == "connect/endpoints":
             routers = (value,)
@@ -97,3 +97,9 @@ def locator(place: str) -> str:
             f"the address of a Zenoh router: expected HOST:PORT or tcp/HOST:PORT, got {place!r}"
         )
     return f"tcp/{found[1]}:{found[2] or DEFAULT_PORT}"
+
+
+def is_loopback(place: str) -> bool:
+    """Whether only programs of this machine reach the address of a locator."""
+    host = place.partition("/")[2].rpartition(":")[0].strip("[]")
+    return host in {"localhost", "::1"} or host.startswith("127.")

@@ -56,7 +56,11 @@ def open_network(settings: Settings) -> TunnelNetwork:
             "transport='zenoh' takes no certificates with tls=; name a configuration with TLS in"
             " ZENOH_SESSION_CONFIG_URI, and a router such as peers=['tls/robot:7447']"
         )
-    configuration = configuration_of(os.environ, settings.peers)
+    configuration = configuration_of(
+        settings.peers,
+        file=os.environ.get("ZENOH_SESSION_CONFIG_URI", ""),
+        override=os.environ.get("ZENOH_CONFIG_OVERRIDE", ""),
+    )
     return TunnelNetwork(ZenohEngine(settings.domain, configuration), settings)
 
 

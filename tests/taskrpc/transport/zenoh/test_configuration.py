@@ -6,11 +6,16 @@ import pytest
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.transport.zenoh import configuration
-from taskrpc.transport.zenoh.configuration import configuration_of, locator, router_configuration
+from taskrpc.transport.zenoh.configuration import (
+    configuration_of,
+    is_loopback,
+    locator,
+    router_configuration,
+)
 
 
 def test_by_default_a_session_is_a_client_of_the_router_of_this_machine():
-    found = configuration_of({}, [])
+    found = configuration_of([])
     values = dict(found.values)
     assert values["mode"] == '"client"'
     assert values["connect/endpoints"] == '["tcp/localhost:7447"]'
@@ -19,16 +24,13 @@ def test_by_default_a_session_is_a_client_of_the_router_of_this_machine():
 
 
 def test_peers_are_the_routers():
-    values = dict(configuration_of({}, ["robot", "other:7000"]).values)
+    values = dict(configuration_of(["robot", "other:7000"]).values)
     assert values["connect/endpoints"] == '["tcp/robot:7447", "tcp/other:7000"]'
 
 
 def test_a_file_replaces_the_defaults_and_the_overrides_come_last():
-    environment = {
-        configuration.FILE_VARIABLE: "/etc/zenoh.json5",
-        configuration.OVERRIDE_VARIABLE: 'mode="peer"; connect/endpoints=["tcp/a:1"]',
-    }
-    found = configuration_of(environment, [])
+    override = 'mode="peer"; connect/endpoints=["tcp/a:1"]'
+    found = configuration_of([], file="/etc/zenoh.json5", override=override)
     assert found.file == "/etc/zenoh.json5"
     assert found.values == (("mode", '"peer"'), ("connect/endpoints", '["tcp/a:1"]'))
 
@@ -68,3 +70,18 @@ def test_a_router_listens_at_its_address_and_does_not_wait_for_others():
     values = dict(router_configuration("0.0.0.0:7447").values)
     assert values["mode"] == '"router"'
     assert values["listen/endpoints"] == '["tcp/0.0.0.0:7447"]'
+
+
+@pytest.mark.parametrize(
+    ("place", "loopback"),
+    [
+        ("tcp/127.0.0.1:7447", True),
+        ("tcp/localhost:7447", True),
+        ("tcp/[::1]:7447", True),
+        ("tcp/0.0.0.0:7447", False),
+        ("tcp/[::]:7447", False),
+        ("tls/robot:7447", False),
+    ],
+)
+def test_a_router_beyond_this_machine_is_recognised(place, loopback):
+    assert is_loopback(place) is loopback

@@ -125,6 +125,7 @@ async def test_a_call_ends_when_its_foreign_server_ends(node, foreign):
     await until(lambda: held)
     foreign.close()
     assert isinstance(await outcome(call), taskrpc.OutcomeUnknown)
+    await until(lambda: not client.service_is_ready())
     with pytest.raises(taskrpc.ServiceUnavailable, match="no server offers /add"):
         await client.call(ask())
 

@@ -19,7 +19,7 @@ from taskrpc.transport.zenoh.session import HandOff, open_session, reason_of
 @pytest.mark.real_time
 def test_a_missing_router_is_named_with_what_to_do():
     with pytest.raises(TaskRpcError) as caught:
-        open_session(configuration_of({}, ["127.0.0.1:9"]))
+        open_session(configuration_of(["127.0.0.1:9"]))
     assert str(caught.value) == (
         "no Zenoh router answers at tcp/127.0.0.1:9; start one there with `taskrpc router`, or"
         " give the address of yours with peers= or ZENOH_CONFIG_OVERRIDE"

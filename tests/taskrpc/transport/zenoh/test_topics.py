@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-
 import pytest
 
 import srvgen
@@ -94,9 +92,15 @@ async def test_tokens_show_the_profile_of_a_topic(node, foreign):
 
     qos = taskrpc.QoS(3, "best_effort", "transient_local")
     node.create_publisher(String, "text", qos)
-    await asyncio.sleep(0)
-    tokens = [str(reply.ok.key_expr) for reply in foreign.session.liveliness().get("@ros2_lv/0/**")]
-    (shown,) = [each for each in tokens if "/MP/" in each]
+    tokens = []
+
+    def look():
+        replies = foreign.session.liveliness().get("@ros2_lv/0/**")
+        tokens[:] = [str(reply.ok.key_expr) for reply in replies]
+        return [each for each in tokens if "/MP/" in each]
+
+    await until(look)
+    (shown,) = look()
     assert shown.endswith("2:1:,3:,:,:,,")
     assert keys.dds_type(String._TYPE) in shown
     assert any("/NN/%/%/here" in each for each in tokens)

@@ -64,7 +64,9 @@ async def test_calls_fail_when_the_router_is_gone_and_work_again_when_it_is_back
         async with program("server", place) as server, program("client", place) as client:
             server.create_service(Add, "add", add)
             server.create_service(Add, "gate", gate)
-            held = client.create_client(Add, "gate").call_async(ask(), timeout=None)
+            holding = client.create_client(Add, "gate")
+            assert await holding.wait_for_service(20)
+            held = holding.call_async(ask(), timeout=None)
             await until(lambda: gate.started)
             router.close()
             assert isinstance(await outcome(held), taskrpc.OutcomeUnknown)
@@ -142,7 +144,7 @@ async def test_the_log_tells_when_a_router_is_back(caplog):
     from taskrpc.transport.zenoh.zenoh_engine import ZenohEngine
 
     caplog.set_level(logging.WARNING)
-    network = TunnelNetwork(ZenohEngine(0, configuration_of({}, [])), Settings(domain=0))
+    network = TunnelNetwork(ZenohEngine(0, configuration_of([])), Settings(domain=0))
     network.interrupted("for a test")
     network.resumed()
     assert "Zenoh works again" in caplog.text

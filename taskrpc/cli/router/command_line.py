@@ -1,0 +1,52 @@
+"""`taskrpc router`: a router of Zenoh, for programs with `transport="zenoh"`."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+
+from taskrpc.cli.shared.command import Exit, tune_for_long_run
+from taskrpc.errors import TaskRpcError
+
+_PLACE = "127.0.0.1:7447"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the arguments of the router."""
+    what = f"the address for programs and other routers, also tcp/HOST:PORT ({_PLACE})"
+    parser.add_argument("--listen", metavar="HOST:PORT", default=_PLACE, help=what)
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    try:
+        import zenoh  # noqa: F401
+    except ModuleNotFoundError:
+        problem = "taskrpc router needs eclipse-zenoh: pip install 'taskrpc[zenoh]'"
+        raise TaskRpcError(problem) from None
+    from taskrpc.program import run
+
+    number = run(_serve(options.listen))
+    return Exit.INTERRUPTED if number == signal.SIGINT else Exit.DONE
+
+
+async def _serve(listen: str) -> int:
+    """Serve until the process gets a signal; returns the signal's number."""
+    from taskrpc.program import stop_requested
+    from taskrpc.transport.zenoh.configuration import is_loopback, locator, router_configuration
+    from taskrpc.transport.zenoh.session import open_session
+
+    place = locator(listen)
+    async with stop_requested() as stopped:
+        with open_session(router_configuration(place)):
+            if not is_loopback(place):
+                _say("warning: every machine that reaches this address can call all services that")
+                _say("         need no token; Zenoh's own TLS and access control can restrict it")
+            _say(f"taskrpc router ready: Zenoh at {place}")
+            tune_for_long_run()
+            return await stopped
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
