@@ -14,6 +14,7 @@ from taskrpc.cli.main import main
 from tests.taskrpc.transport.conftest import zenoh_router  # noqa: F401
 from tests.taskrpc.transport.helpers import Add, add, ask
 
+pytest.importorskip("zenoh")
 pytestmark = pytest.mark.real_time
 
 
