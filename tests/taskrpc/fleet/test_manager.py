@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.fleet.manager import FleetManager, FleetSettings
 from taskrpc.fleet.store import MemoryFleet, MemoryFleetStore
-from taskrpc.robot import KinematicRobot, default_world
+from taskrpc.robot import KinematicRobot, World, default_world
 from taskrpc.tasks.pages import page
 from tests.taskrpc.fleet.fakes import Fleet
 from tests.taskrpc.tasks.fakes import LineRobot
@@ -228,6 +228,21 @@ async def test_watchers_of_every_server_hear_of_changes(fleet):
     assert second.change_feed.changed_since(before) == [1]
 
 
+async def test_place_of_another_robots_map_is_accepted_by_every_server(fleet):
+    upstairs = World((6.0, 6.0), dock=(1.0, 1.0), places={"attic": (5.0, 5.0)})
+    downstairs = World((6.0, 6.0), dock=(1.0, 1.0), places={"cellar": (5.0, 5.0)})
+    first = await fleet.add("r1", KinematicRobot(upstairs))
+    await fleet.add("r2", KinematicRobot(downstairs))
+    for place in ("cellar", "attic", "3,3"):
+        assert (await first.submit("move", place, 5)).success
+    refused = await first.submit("move", "garden", 5)
+    assert refused.message.startswith("Invalid target: ")
+    await fleet.until_done()
+    robots = {task.target: task.robot for task in fleet.tasks().values()}
+    assert (robots["cellar"], robots["attic"]) == ("r2", "r1")
+    assert set(fleet.states().values()) == {"SUCCEEDED"}
+
+
 async def test_simulated_robots_tell_which_places_they_reach():
     loop = asyncio.get_running_loop()
     robot = KinematicRobot(default_world())
@@ -244,25 +259,13 @@ def test_wrong_capabilities_are_refused():
 
 
 NAMES = ("r1", "r2", "r3")
+ACTIONS = ["submit", "submit", "partition", "cut off", "connect", "lose a commit", "restart"]
 STEPS = st.lists(
     st.tuples(
-        st.sampled_from([0.0, 0.3, 1.0, 4.0, 7.0]),
-        st.sampled_from(
-            [
-                "submit",
-                "submit",
-                "cut off",
-                "cut off",
-                "connect",
-                "requeue",
-                "lose a commit",
-                "restart",
-            ]
-        ),
-        st.sampled_from(NAMES),
+        st.sampled_from([0.0, 0.3, 1.0, 4.0]), st.sampled_from(ACTIONS), st.sampled_from(NAMES)
     ),
-    min_size=5,
-    max_size=30,
+    min_size=3,
+    max_size=25,
 )
 
 
@@ -293,13 +296,22 @@ class History:
             await manager.close()
             self.runs += self.fleet.robots[name].runs
             await self.fleet.add(name)
-        elif action == "requeue":
-            with contextlib.suppress(StoreError, OutcomeUnknown):
-                await self.requeue_interrupted(manager)
+        elif action == "partition":
+            await self.partition(name)
         elif action == "lose a commit":
             manager.store.loses_commit = True
         else:
             self.fleet.cut_off(name, action == "cut off")
+
+    async def partition(self, name):
+        """Cut a server off until its lease has ended, and queue its task again meanwhile."""
+        self.fleet.cut_off(name)
+        for _ in range(9):
+            await asyncio.sleep(1)
+            for manager in self.fleet.managers.values():
+                with contextlib.suppress(StoreError, OutcomeUnknown):
+                    await self.requeue_interrupted(manager)
+        self.fleet.cut_off(name, False)
 
     async def requeue_interrupted(self, manager):
         await manager.store.refresh()
