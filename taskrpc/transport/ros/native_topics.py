@@ -108,7 +108,7 @@ class NativePublisher:
             node.create_publisher,
             carrier.ros_class,
             carrier.topic(named.name),
-            qualities.topic_profile(ros, named, publishes=True),
+            qualities.topic_profile(ros, named),
             event_callbacks=ros.event_handler.PublisherEventCallbacks(
                 matched=lambda _: handoff.put(self._report_match),
                 incompatible_qos=partial(mismatch.quality, ros),
@@ -188,7 +188,7 @@ class NativeSubscription:
             carrier.ros_class,
             carrier.topic(named.name),
             lambda body: handoff.put(self._arrived, body),
-            qualities.topic_profile(ros, named, publishes=False),
+            qualities.topic_profile(ros, named),
             raw=True,
             event_callbacks=ros.event_handler.SubscriptionEventCallbacks(
                 matched=lambda _: handoff.put(self._report_match),

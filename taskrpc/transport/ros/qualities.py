@@ -14,11 +14,11 @@ LEAST_DEPTH = 1000
 some of a burst. The depth of a subscription limits what waits for its callback, later."""
 
 
-def topic_profile(ros: Any, named: TopicEndpoint, *, publishes: bool) -> Any:
+def topic_profile(ros: Any, named: TopicEndpoint) -> Any:
     """Return the profile of a publisher or subscription."""
     qos = ros.qos
-    # The depth of a latched publisher is what later subscriptions get.
-    least = 1 if publishes and named.latched else LEAST_DEPTH
+    # The depth of latched messages is what later subscriptions get.
+    least = 1 if named.latched else LEAST_DEPTH
     return qos.QoSProfile(
         history=qos.HistoryPolicy.KEEP_LAST,
         depth=min(max(named.depth, least), MAX_DEPTH),

@@ -20,20 +20,14 @@ from tests.taskrpc.transport.ros.fake_ros import Policy, Ros
 )
 def test_profile_of_a_topic(reliable, latched, policies):
     named = TopicEndpoint("/t", "std_msgs/msg/String", "", "/n", 7, reliable, latched)
-    profile = qualities.topic_profile(Ros(), named, publishes=True)
+    profile = qualities.topic_profile(Ros(), named)
     assert (profile.reliability, profile.durability) == policies
     assert profile.depth == (7 if latched else qualities.LEAST_DEPTH)
 
 
-def test_subscription_reads_bursts():
-    named = TopicEndpoint("/t", "std_msgs/msg/String", "", "/n", 1, True, True)
-    profile = qualities.topic_profile(Ros(), named, publishes=False)
-    assert profile.depth == qualities.LEAST_DEPTH
-
-
 def test_depth_is_bounded():
     named = TopicEndpoint("/t", "std_msgs/msg/String", "", "/n", 2**31, True, False)
-    assert qualities.topic_profile(Ros(), named, publishes=True).depth == qualities.MAX_DEPTH
+    assert qualities.topic_profile(Ros(), named).depth == qualities.MAX_DEPTH
 
 
 def test_foreign_endpoint_has_the_values_of_the_graph():
