@@ -2,7 +2,7 @@
 
 Each program has a session, which is a client of a router by default. A liveliness token shows that
 the program is alive; Zenoh removes it when the program ends or loses its router. In the latter
-case the program also sees its own token disappear, and so notices the interruption at once.
+case the tokens disappear for the program too, its own included, so that it notices at once.
 """
 
 from __future__ import annotations
@@ -45,6 +45,8 @@ _Topic = TypeVar("_Topic", bound=NativeTopic)
 
 DISCOVERY_TIMEOUT = 1.0
 """Seconds that `open` waits for the programs that are there already."""
+ROUTER_POLL = 0.1
+"""Seconds between two looks for a router that is gone."""
 MAX_PUBLISHERS = 1024
 """Programs to which a publisher of datagrams is kept."""
 
@@ -79,6 +81,7 @@ class ZenohEngine:
         self._events: EngineEvents
         self._closed = False
         self._interrupted = False
+        self._router_check_planned = False
         self._declared: list[Any] = []
         """What lasts as long as the session; Zenoh ends what nothing refers to."""
         self._entry: bytes | None = None
@@ -229,6 +232,24 @@ class ZenohEngine:
             if (publisher := self._publishers.pop(place, None)) is not None:
                 publisher.undeclare()
             self._events.program_gone(place)
+            # Before Zenoh 1.9, this program's own token does not disappear with the router.
+            self._plan_router_check()
+
+    def _plan_router_check(self) -> None:
+        if not self._router_check_planned:
+            self._router_check_planned = True
+            self._loop.call_later(ROUTER_POLL, self._check_router)
+
+    def _check_router(self) -> None:
+        """Notice that the router is gone, or that it is back."""
+        self._router_check_planned = False
+        if self._closed:
+            return
+        info = self._session.info
+        if not (info.routers_zid() or info.peers_zid()):
+            self._interrupt()
+        else:
+            self._resume()
 
     def _interrupt(self) -> None:
         """Note that this program's own token is gone: it cannot reach its router any more."""
@@ -236,6 +257,7 @@ class ZenohEngine:
             self._interrupted = True
             self._programs = {self.place}
             self._events.interrupted("the connection to the Zenoh router is lost")
+        self._plan_router_check()
 
     def _resume(self) -> None:
         if self._interrupted:
