@@ -137,6 +137,8 @@ async def test_latecomers_get_the_last_messages_of_a_transient_local_publisher(n
     publisher = talker.create_publisher(Int32, "counts", LATCHED)
     for number in range(10):
         publisher.publish(Int32(data=number))
+    # A middleware may still have the messages on their way: then they would be no earlier ones.
+    await asyncio.sleep(0.1)
     listener.create_subscription(Int32, "counts", got.append, LATCHED)
     listener.create_subscription(Int32, "counts", volatile.append)
     talker.create_subscription(Int32, "counts", own.append, LATCHED)
@@ -153,6 +155,7 @@ async def test_a_latecomer_that_keeps_one_gets_the_last_one(net):
     publisher = talker.create_publisher(Int32, "counts", LATCHED)
     for number in range(3):
         publisher.publish(Int32(data=number))
+    await asyncio.sleep(0.1)  # as above
     got = []
     latest = QoS(1, durability="transient_local")
     listener.create_subscription(Int32, "counts", got.append, latest)

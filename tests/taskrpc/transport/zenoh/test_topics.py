@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 
 import srvgen
@@ -67,6 +69,7 @@ async def test_a_late_subscription_gets_the_last_messages_of_a_latched_publisher
     publisher = node.create_publisher(String, "text", latched)
     for text in "abc":
         publisher.publish(String(data=text))
+    await asyncio.sleep(0.1)  # messages on their way would be no earlier ones
     async with taskrpc.Node("late", transport="zenoh", peers=[zenoh_router], listen="x") as late:
         got = []
         late.create_subscription(String, "text", lambda message: got.append(message.data), latched)
