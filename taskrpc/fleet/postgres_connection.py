@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 import socket
 import sys
 from collections.abc import Awaitable
@@ -61,6 +62,7 @@ class DatabaseUrl:
 
     def __init__(self, url: str) -> None:
         self._url = url
+        _check_credentials(url)
         try:
             parts = conninfo.conninfo_to_dict(url)
         except psycopg.Error as error:
@@ -114,6 +116,22 @@ class DatabaseUrl:
         return text.replace(self._password, "***") if self._password else text
 
 
+def _check_credentials(url: str) -> None:
+    """Refuse an unquoted / or @ in the password.
+
+    libpq would take a part of the password for the host or the database, and errors would show it.
+    """
+    text = url.partition("://")[2]
+    user, at, rest = text.partition("@")
+    if at and "/" not in user:
+        text = rest
+    if "@" in text.partition("?")[0]:
+        raise TaskRpcError(
+            "--db: expected postgresql://USER@HOST:5432/DATABASE, got more than one @ or a / before"
+            " it; put the password into PGPASSWORD, or write / as %2F and @ as %40 in it"
+        )
+
+
 def _without(url: str, text: str) -> str:
     """Return an error's text without any part of a URL that could be a password."""
     credentials = url.partition("://")[2].rpartition("@")[0]
@@ -123,17 +141,23 @@ def _without(url: str, text: str) -> str:
     return text.strip()
 
 
+_HINTS = (
+    (
+        r"onnection refused|No such file",
+        "start PostgreSQL there, or correct the host and the port in --db",
+    ),
+    (r"password", "correct the user and the password in --db, or set PGPASSWORD"),
+    (r"database.*does not exist", "create it with: createdb --owner USER DATABASE"),
+    (r"permission denied for schema", "give this user the right to create tables there"),
+    (r"permission denied|must be owner", "let the servers use the user that created the tables"),
+    (r"resolve|not known", "correct the host in --db"),
+)
+
+
 def _hint(reason: str) -> str:
-    if "onnection refused" in reason or "No such file" in reason:
-        return "; start PostgreSQL there, or correct the host and the port in --db"
-    if "password" in reason:
-        return "; correct the user and the password in --db, or set PGPASSWORD"
-    if "does not exist" in reason and "database" in reason:
-        return "; create it with: createdb"
-    if "permission denied for schema" in reason:
-        return "; give this user the right to create tables there"
-    if "resolve" in reason or "not known" in reason:
-        return "; correct the host in --db"
+    for pattern, advice in _HINTS:
+        if re.search(pattern, reason):
+            return f"; {advice}"
     return ""
 
 

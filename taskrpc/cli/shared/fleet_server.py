@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 log = logging.getLogger("taskrpc.fleet")
 
 _PREFIXES = "postgresql://", "postgres://"
+# Also what a mistyped URL begins with: it may contain a password, so it must not become a file.
+_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/|postgres(ql)?:", re.ASCII | re.IGNORECASE)
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}", re.ASCII)
 
 
@@ -38,33 +40,36 @@ def is_fleet(options: argparse.Namespace) -> bool:
 def check(options: argparse.Namespace) -> None:
     """Check how the options fit together. Raises UsageError."""
     if not is_fleet(options):
+        if options.db and _SCHEME.match(options.db):
+            scheme, _, _ = options.db.partition(":")
+            raise _usage(f"--db: expected a file, :memory: or postgresql://…, got {scheme}:…")
         for name, value in (
             ("--robot-name", options.robot_name),
             ("--capabilities", options.capabilities),
         ):
             if value is not None:
                 raise _usage(f"{name} is for a fleet; it needs --db postgresql://…")
-        if options.db and re.match(r"[A-Za-z+]{2,}://", options.db):
-            raise _usage(
-                f"--db: expected a file, :memory: or postgresql://…, got {options.db.split(':')[0]}://…"
-            )
         return
     if options.standby:
         raise _usage(
             "--standby waits for another server of one database file; the servers of a fleet run"
             " at the same time"
         )
+    if options.join:
+        raise _usage("--join is for single servers: the servers of a fleet need no option to join")
     if options.record:
         raise _usage("--record records one robot's queue; a fleet cannot be recorded")
     if options.robot_name is not None and not _NAME.fullmatch(options.robot_name):
         raise _usage(
-            "--robot-name: expected letters, digits and underscores, beginning with a letter,"
-            f" got {options.robot_name!r}"
+            "--robot-name: expected up to 63 letters, digits and underscores, beginning with a"
+            f" letter, got {options.robot_name!r}"
         )
     if options.capabilities is not None:
         from taskrpc.fleet.model import Capabilities
 
         try:
+            if not options.capabilities.strip():
+                raise ValueError("expected a list such as move,scan:area_*; got nothing")
             Capabilities(options.capabilities)
         except ValueError as error:
             raise _usage(f"--capabilities: {error}") from None

@@ -7,6 +7,7 @@ from taskrpc.errors import StoreError, TaskRpcError
 pytest.importorskip("psycopg")
 
 from taskrpc.fleet.postgres_connection import DatabaseUrl, answered, close
+from taskrpc.fleet.postgres_store import PostgresStore
 
 SECRET = "s3cret-word"
 
@@ -29,6 +30,36 @@ def test_invalid_url_is_explained_without_its_password(url):
     with pytest.raises(TaskRpcError, match="--db: expected a URL such as postgresql://") as caught:
         DatabaseUrl(url)
     assert SECRET not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "password", [f"a@{SECRET}", f"a/{SECRET}", f"a:b@{SECRET}/c", f"{SECRET}/a"]
+)
+def test_unquoted_sign_in_the_password_is_explained_without_the_password(password):
+    with pytest.raises(TaskRpcError, match="write / as %2F and @ as %40 in it") as caught:
+        DatabaseUrl(f"postgresql://ann:{password}@db.lab/fleet")
+    assert SECRET not in str(caught.value)
+
+
+def test_quoted_signs_in_the_url_are_accepted():
+    url = DatabaseUrl("postgresql://ann:a%40b%2Fc@db.lab/fleet?application_name=x@y")
+    assert url.has_password
+    assert str(url) == "postgresql://ann@db.lab:5432/fleet"
+
+
+@pytest.mark.postgres
+@pytest.mark.real_time
+async def test_user_without_rights_on_the_tables_is_told_what_to_do(own_cluster):
+    own_cluster.execute("CREATE ROLE ann LOGIN")
+    store = PostgresStore(own_cluster.url(), listen=False)
+    await store.refresh()
+    await store.close()
+    reading = PostgresStore(own_cluster.url().replace("taskrpc@", "ann@"), listen=False)
+    with pytest.raises(
+        StoreError, match=r"permission denied .*; let the servers use the user that"
+    ):
+        await reading.refresh()
+    await reading.close()
 
 
 @pytest.mark.real_time

@@ -32,11 +32,23 @@ def server(run, tmp_path, monkeypatch):
         (["--capabilities", "move"], "--capabilities is for a fleet; it needs --db postgresql://…"),
         (
             ["--db", "mysql://x/y"],
-            "--db: expected a file, :memory: or postgresql://…, got mysql://…",
+            "--db: expected a file, :memory: or postgresql://…, got mysql:…",
         ),
+        (
+            ["--db", "POSTGRESQL://ann:s3cret@x/y", "--robot-name", "r1"],
+            "--db: expected a file, :memory: or postgresql://…, got POSTGRESQL:…",
+        ),
+        (
+            ["--db", "postgresql:/ann:s3cret@x/y"],
+            "--db: expected a file, :memory: or postgresql://…, got postgresql:…",
+        ),
+        (["--db", "postgresql+psycopg://ann:s3cret@x/y"], "got postgresql+psycopg:…"),
+        (["--db", URL, "--join"], "--join is for single servers"),
+        (["--db", URL, "--robot-name", "x" * 64], "expected up to 63 letters, digits"),
+        (["--db", URL, "--capabilities", " "], "--capabilities: expected a list such as"),
         (["--db", URL, "--standby"], "--standby waits for another server of one database file;"),
         (["--db", URL, "--record", "x.mcap"], "--record records one robot's queue;"),
-        (["--db", URL, "--robot-name", "1 a"], "--robot-name: expected letters, digits"),
+        (["--db", URL, "--robot-name", "1 a"], "--robot-name: expected up to 63 letters, digits"),
         (["--db", URL, "--capabilities", "move,"], "--capabilities: expected a list such as"),
     ],
 )
