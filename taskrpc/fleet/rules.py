@@ -403,11 +403,12 @@ def refuse_unable(state: FleetState, now: float, task_type: str, target: str) ->
     live = state.live_robots(now)
     if any(robot.name in able for robot in live):
         return ""
-    known = sorted({each for robot in live for each in robot.task_types})
+    known = sorted({each for robot in live or state.robots.values() for each in robot.task_types})
     what = f"{task_type} at {target.strip()}"
     if able:
-        names = " and ".join(sorted(able))
-        return f"No robot can execute {what} now: only {names} can, and its server does not run"
+        names = " and ".join(", ".join(sorted(able)).rsplit(", ", 1))
+        servers = "its server does not run" if len(able) == 1 else "their servers do not run"
+        return f"No robot can execute {what} now: only {names} can, and {servers}"
     if task_type not in known:
         expected = " or ".join(", ".join(known).rsplit(", ", 1))
         return f"Invalid task: {task_type} (expected {expected})"

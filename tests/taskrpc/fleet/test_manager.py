@@ -68,6 +68,25 @@ async def test_unknown_task_and_target_are_refused_as_by_a_single_server(fleet):
     assert (await manager.submit("move", "moon", 5)).message.startswith("Invalid target: ")
 
 
+async def test_server_accepts_tasks_again_before_it_has_renewed_its_lease(fleet):
+    managers = [await fleet.add(name) for name in ("r1", "r2")]
+    for name in ("r1", "r2"):
+        fleet.cut_off(name)
+    await asyncio.sleep(10.0)  # the leases end while the database is away
+    assert not managers[0].lease.is_valid
+    fleet.cut_off("r1", False)
+    response = await managers[0].submit("move", "1", 5)
+    assert response.success, response.message
+    await fleet.until_done()
+    assert fleet.states() == {1: "SUCCEEDED"}
+
+
+async def test_misspelled_capabilities_are_reported(caplog):
+    store = MemoryFleetStore(MemoryFleet(lambda: 0.0))
+    FleetManager(LineRobot(), store, FleetSettings(capabilities="mov,scan:1,scna:1"))
+    assert "the capabilities mov and scna:1 allow nothing: this robot does" in caplog.text
+
+
 async def test_task_of_a_server_that_is_cut_off_is_interrupted_and_the_others_go_on(fleet):
     first, second = [await fleet.add(f"r{number}") for number in (1, 2)]
     await submitted(first, 30, 30, 30)

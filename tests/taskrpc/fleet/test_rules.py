@@ -236,6 +236,20 @@ def test_reason_names_the_robots_that_cannot_or_do_not_run():
     assert rules.refuse_unable(state, 0.0, "move", "lab") == (
         "No robot can execute move at lab now: only a can, and its server does not run"
     )
+    rules.leave(state, 1.0, "b", 1)
+    assert rules.refuse_unable(state, 0.0, "scan", "dock") == (
+        "No robot can execute scan at dock now: only b can, and its server does not run"
+    )
+    assert rules.refuse_unable(state, 0.0, "fly", "lab") == (
+        "Invalid task: fly (expected move or scan)"
+    )
+
+
+def test_reason_names_all_robots_whose_servers_do_not_run():
+    state = state_of(*(robot(name, is_gone=True) for name in "abc"))
+    assert rules.refuse_unable(state, 0.0, "move", "lab") == (
+        "No robot can execute move at lab now: only a, b and c can, and their servers do not run"
+    )
 
 
 class Interleavings(RuleBasedStateMachine):
