@@ -70,8 +70,14 @@ class FleetManager:
         self, robot: Robot, store: FleetStore, settings: FleetSettings | None = None
     ) -> None:
         self._settings = settings = settings or FleetSettings()
-        Capabilities(settings.capabilities)
+        capabilities = Capabilities(settings.capabilities)
         self.name = settings.name
+        if unused := capabilities.unused(robot.task_types, _places(robot)):
+            _log.warning(
+                "the capabilities %s allow nothing: this robot does %s; check the spelling",
+                " and ".join(unused),
+                ", ".join(robot.task_types),
+            )
         self.address: Callable[[], str] = lambda: ""
         """Returns where the server listens, for the error texts of other servers."""
         self.store = store
@@ -459,6 +465,8 @@ class FleetManager:
                 return f"Invalid target: {error_text(error)[:400]}"
             except Exception as error:
                 return f"The robot cannot plan this task: {error_text(error)[:400]}"
+            if self.name in able:
+                return ""  # even if its lease has just ended: this server runs and will renew it
         return rules.refuse_unable(state, now, printable(task_type), target)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from fnmatch import fnmatchcase
 
 import msgspec
@@ -92,6 +92,20 @@ class Capabilities:
             fnmatchcase(task_type, types) and fnmatchcase(target.strip(), targets)
             for types, targets in self._rules
         )
+
+    def unused(self, task_types: Iterable[str], places: Collection[str]) -> list[str]:
+        """Return the parts that allow a robot nothing, probably because of a misspelling.
+
+        `places` are the named places that the robot reaches; empty if it does not tell.
+        """
+        known = tuple(task_types)
+        unused = []
+        for types, target in self._rules:
+            does = any(fnmatchcase(each, types) for each in known)
+            is_place = not places or target in places or any(mark in target for mark in "*?[")
+            if not (does and is_place):
+                unused.append(types if target == "*" else f"{types}:{target}")
+        return unused
 
 
 class Abilities:

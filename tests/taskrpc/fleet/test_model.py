@@ -25,6 +25,19 @@ def test_capabilities_with_an_empty_part_are_refused(text):
         Capabilities(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "places", "unused"),
+    [
+        ("", ["dock"], []),
+        ("move,scan:area_*,*:dock", ["dock"], []),
+        ("mov,scan:dokc,move", ["dock"], ["mov", "scan:dokc"]),
+        ("scan:dokc,fly:dock", [], ["fly:dock"]),
+    ],
+)
+def test_misspelled_capabilities_are_found(text, places, unused):
+    assert Capabilities(text).unused(["move", "scan"], places) == unused
+
+
 def test_place_that_only_one_robot_knows_is_out_of_reach_for_the_others():
     robots = [robot("a", places=("dock", "lab")), robot("b", places=("dock",)), robot("c")]
     abilities = Abilities(robots)
