@@ -23,17 +23,24 @@ _OF_EVERY_NODE = (
 class Allowed:
     """A list of names with `*` and `?`, such as `/arm/*`; `*` stands for slashes too.
 
-    Hidden names (a part begins with `_`) are never allowed. The services that every node of ROS
-    has are allowed only if a pattern ends with their name, such as `/arm/get_parameters`.
+    Hidden names (a part begins with `_`) are never allowed. A pattern allows one of the services
+    that every node of ROS has only if the pattern itself ends with its name, such as
+    `/arm/get_parameters`.
     """
 
     def __init__(self, patterns: Iterable[str]) -> None:
         absolute = [each if each.startswith(("/", "*")) else f"/{each}" for each in patterns]
-        self._matches = [re.compile(translate(each)).match for each in absolute]
-        self._ends = {each.rpartition("/")[2] for each in absolute}
+        self._patterns = [(re.compile(translate(each)), _last_part(each)) for each in absolute]
 
     def __contains__(self, name: str) -> bool:
-        end = name.rpartition("/")[2]
-        if "/_" in name or (end in _OF_EVERY_NODE and end not in self._ends):
+        if "/_" in name:
             return False
-        return any(matches(name) for matches in self._matches)
+        end = _last_part(name)
+        return any(
+            pattern.match(name) and (end not in _OF_EVERY_NODE or end == last)
+            for pattern, last in self._patterns
+        )
+
+
+def _last_part(name: str) -> str:
+    return name.rpartition("/")[2]

@@ -25,6 +25,8 @@ from taskrpc.gateway import Allowed
         (["/arm/set_parameters"], "/arm/set_parameters", True),
         (["*/list_parameters"], "/arm/list_parameters", True),
         (["*", "/arm/list_parameters"], "/arm/set_parameters", False),
+        (["/arm/*", "/leg/set_parameters"], "/leg/set_parameters", True),
+        (["/arm/*", "/leg/set_parameters"], "/arm/set_parameters", False),
         ([], "/arm/open", False),
     ],
 )
