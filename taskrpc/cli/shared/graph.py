@@ -19,6 +19,9 @@ from taskrpc.transport.settings import domain_id, environment_peers
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
 _SHOWN = 5  # most services that a hint names
+_PATIENCE = 2.0
+"""Seconds for a middleware to find the first other program; DDS may repeat its question."""
+_POLL = 0.1
 _OF_EVERY_NODE = {
     "describe_parameters",
     "get_parameter_types",
@@ -47,7 +50,15 @@ async def entries_of(remote: Remote, node: Node) -> list[RegistryEntry]:
     """Return the same as `look`, for a command that already has a node."""
     if remote.place:
         return [entry_of(remote.place, await remote.listing(remote.place))]
-    return others(await node.graph())
+    found = others(await node.graph())
+    if remote.transport == "tcp":
+        return found  # the registry of this machine is complete at once
+    loop = asyncio.get_running_loop()
+    end = loop.time() + _PATIENCE
+    while not found and loop.time() < end:
+        await asyncio.sleep(_POLL)
+        found = others(await node.graph())
+    return found
 
 
 def others(entries: Iterable[RegistryEntry]) -> list[RegistryEntry]:

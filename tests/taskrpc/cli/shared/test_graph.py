@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+
 import pytest
 
 from taskrpc.cli.shared import graph
@@ -78,3 +80,37 @@ def test_gids_equal_those_of_rclpy_programs():
     for info, gid in zip(seen, shown, strict=True):
         assert f"GID: {gid}\n" in str(info)
     assert len(set(shown)) == 4
+
+
+class SlowGraph:
+    """A node that sees a program after `delay` seconds."""
+
+    def __init__(self, delay: float) -> None:
+        self.began = asyncio.get_running_loop().time()
+        self.delay = delay
+
+    @property
+    def passed(self) -> float:
+        return asyncio.get_running_loop().time() - self.began
+
+    async def graph(self) -> list[RegistryEntry]:
+        return [entry("/door")] if self.passed >= self.delay else []
+
+
+async def test_command_waits_until_a_middleware_has_found_the_first_program():
+    node = SlowGraph(1.0)
+    (found,) = await graph.entries_of(Remote(transport="ros"), node)
+    assert found.offers("/door")
+    assert node.passed < 1.2
+
+
+async def test_command_waits_two_seconds_for_a_middleware_without_programs():
+    node = SlowGraph(60.0)
+    assert await graph.entries_of(Remote(transport="ros"), node) == []
+    assert node.passed == pytest.approx(2.0, abs=0.2)
+
+
+async def test_command_over_tcp_does_not_wait():
+    node = SlowGraph(1.0)
+    assert await graph.entries_of(Remote(), node) == []
+    assert node.passed == 0
