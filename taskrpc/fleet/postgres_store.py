@@ -214,12 +214,15 @@ class PostgresStore(FleetStore):
         return None
 
     async def _follow(self) -> list[int] | None:
-        connection = await self._connected()
-        try:
-            return await answered(connection, self._read_changes(connection))
-        except FAILURES as error:
-            await self._disconnect()
-            raise self.url.error("cannot be read", error) from error
+        for is_last in (False, True):  # the first attempt may find out that a connection is lost
+            connection = await self._connected()
+            try:
+                return await answered(connection, self._read_changes(connection))
+            except FAILURES as error:
+                await self._disconnect()
+                if is_last:
+                    raise self.url.error("cannot be read", error) from error
+        return None
 
     async def _read_changes(self, connection: Connection) -> list[int] | None:
         # One snapshot for all tables.

@@ -162,6 +162,10 @@ class Rehearsal:
         path = self.folder / f"notebook_{name}"
         return path.read_text().split("\n")[:-1] if path.exists() else []
 
+    def drives(self, name):
+        """Whether a robot has begun a task that it has not ended."""
+        return (self.lines(name) or [""])[-1].startswith("began")
+
     def begun(self):
         """How often each target was begun, by all robots."""
         return collections.Counter(
@@ -305,13 +309,13 @@ async def test_killed_servers_and_a_killed_postgres_lose_nothing(
     names = ("r1", "r2", "r3")
     for name in names:
         await scene.start(name, speed=8)
-    wanted = chance.sample(scene.places, 200 if large else 40)
+    wanted = chance.sample(scene.places, 300 if large else 40)
     retry = taskrpc.RetryPolicy(attempts=50, wait_initial=0.1)
     async with taskrpc.Node("user") as node:
         client = node.create_client(RobotTask, "/robot_task", timeout=60, retry=retry)
 
         async def submit(target):
-            await asyncio.sleep(chance.uniform(0, 60 if large else 8))
+            await asyncio.sleep(chance.uniform(0, 200 if large else 8))
             request = RobotTask.Request(
                 task_type="move", target=target, priority=chance.randint(1, 10)
             )
@@ -328,8 +332,7 @@ async def test_killed_servers_and_a_killed_postgres_lose_nothing(
         for round_ in range(20 if large else 2):
             await asyncio.sleep(chance.uniform(1.5, 3))
             name = chance.choice(names)
-            while not (scene.lines(name) or [""])[-1].startswith("began"):
-                await asyncio.sleep(0.01)
+            await scene.until(lambda tasks, name=name: scene.drives(name), 10)
             await kill(scene.servers[name])
             counts["servers killed"] += 1
             if round_ % 2:

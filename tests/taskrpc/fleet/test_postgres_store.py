@@ -131,6 +131,15 @@ async def test_transaction_is_repeated_when_the_database_was_restarted(own_clust
     await store.close()
 
 
+async def test_copy_is_read_at_once_when_the_database_was_restarted(own_cluster):
+    store = PostgresStore(own_cluster.url())
+    await store.transact(put(1))
+    own_cluster.kill()
+    await asyncio.to_thread(own_cluster.start)
+    assert await store.follow(10) == ""
+    await store.close()
+
+
 async def test_database_that_stays_away_is_reported_and_nothing_is_stored(own_cluster, monkeypatch):
     monkeypatch.setattr("taskrpc.fleet.postgres_store.PATIENCE", 0.5)
     store = PostgresStore(own_cluster.url())
