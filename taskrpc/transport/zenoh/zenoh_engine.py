@@ -263,6 +263,8 @@ class ZenohEngine:
         if self._interrupted:
             self._interrupted = False
             self._events.resumed()
+            # If the router was there all the time, no token appears again.
+            self._ask_entries(self._session, keys.entry_key(self._domain))
 
     # The graph
 

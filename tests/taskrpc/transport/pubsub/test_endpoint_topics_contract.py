@@ -363,7 +363,7 @@ async def test_in_a_lab_a_relative_name_means_the_labs_topic_while_one_has_none_
     own = (await net.node("more", namespace="/ada")).create_publisher(
         Int32, "robot_task/pose", LATCHED
     )
-    await until(lambda: own.get_subscription_count() == 2)
+    await until(lambda: own.get_subscription_count() == 2 and subscription._receiver.matched)
     own.publish(Int32(data=2))
     pose.publish(Int32(data=3))
     await until(lambda: absolute and got[-1].data == 2)

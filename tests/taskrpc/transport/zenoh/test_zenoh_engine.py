@@ -81,6 +81,17 @@ async def test_calls_fail_when_the_router_is_gone_and_work_again_when_it_is_back
         router.close()
 
 
+async def test_programs_are_found_again_if_the_router_was_there_all_the_time(zenoh_router):
+    async with program("server", zenoh_router) as server, program("client", zenoh_router) as client:
+        server.create_service(Add, "add", add)
+        calling = client.create_client(Add, "add")
+        assert await calling.wait_for_service(20)
+        client._transport.network._engine._interrupt()
+        assert not calling.service_is_ready()
+        assert await calling.wait_for_service(20)
+        assert (await calling.call(ask(1, 2))).sum == 3
+
+
 async def test_a_node_without_a_router_does_not_start():
     with pytest.raises(taskrpc.TaskRpcError, match="no Zenoh router answers"):
         async with program("client", "127.0.0.1:9"):
