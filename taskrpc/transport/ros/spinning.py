@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
 import contextlib
 import logging
 import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from queue import SimpleQueue
 from typing import Any
 
 _LAST_WORDS = 1.0
 """Seconds that the last messages get."""
+_LONGEST_END = 8.0
+"""Seconds for which the end of Python waits."""
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -59,16 +63,31 @@ class Ending:
     """Ends things of rclpy in a thread, one after the other, because it may take a second."""
 
     def __init__(self) -> None:
-        # Python waits for this thread at its end, so that the last messages are sent.
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="taskrpc ROS end")
+        self._actions: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
+        # A daemon, because a real rclpy may hang. At its end, Python waits for it with a limit, so
+        # that the last messages are sent.
+        self._thread = threading.Thread(target=self._run, name="taskrpc ROS end", daemon=True)
 
     def put(self, action: Callable[..., object], *arguments: Any) -> None:
         """Call an action in the thread; rclpy's errors at the end are of no interest."""
-        self._thread.submit(action, *arguments)
+        self._actions.put(partial(action, *arguments))
+        if self._thread.ident is None:  # it has not begun
+            self._thread.start()
+            atexit.register(self._finish)
 
     def close(self) -> None:
         """Accept no more actions; those that are there still run."""
-        self._thread.shutdown(wait=False)
+        self._actions.put(None)
+
+    def _run(self) -> None:
+        while (action := self._actions.get()) is not None:
+            with contextlib.suppress(Exception):
+                action()
+        atexit.unregister(self._finish)
+
+    def _finish(self) -> None:
+        self.close()
+        self._thread.join(_LONGEST_END)
 
 
 def wait_until_sent(ros: Any, publisher: Any) -> None:

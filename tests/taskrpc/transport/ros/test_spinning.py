@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from taskrpc.transport.ros.spinning import Handoff, Spinner
+from taskrpc.transport.ros.spinning import Ending, Handoff, Spinner
 from tests.taskrpc.transport.ros.fake_ros import Context, Ros
 
 
@@ -55,6 +55,29 @@ async def test_closed_handoff_drops_actions():
     handoff.put(seen.append, 2)
     await asyncio.sleep(0)
     assert seen == []
+
+
+@pytest.mark.real_time
+def test_ends_run_one_after_the_other_and_errors_do_not_stop_them():
+    ending, seen, over = Ending(), [], threading.Event()
+    ending.put(seen.append, 1)
+    ending.put(lambda: 1 / 0)
+    ending.put(seen.append, 2)
+    ending.put(over.set)
+    ending.close()
+    assert over.wait(10)
+    assert seen == [1, 2]
+    ending._thread.join(10)
+    assert not ending._thread.is_alive()
+
+
+@pytest.mark.real_time
+def test_end_of_python_waits_for_the_last_action():
+    ending, seen = Ending(), []
+    ending.put(seen.append, "last")
+    ending._finish()
+    ending.put(seen.append, "after the end")
+    assert seen == ["last"]
 
 
 @pytest.mark.real_time
