@@ -104,8 +104,8 @@ async def net(monkeypatch, request):
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         # All programs of a test are in this process: the first one has nobody to wait for.
-        monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE", 0.3)
-        monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE_ALONE", 0.3)
+        monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE", 0.5)
+        monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE_ALONE", 0.5)
     if case.transport == "zenoh":
         place = request.getfixturevalue("zenoh_router")
         monkeypatch.setenv("ZENOH_CONFIG_OVERRIDE", f'connect/endpoints=["tcp/{place}"]')
