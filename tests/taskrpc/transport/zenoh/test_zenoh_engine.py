@@ -86,8 +86,10 @@ async def test_programs_are_found_again_if_the_router_was_there_all_the_time(zen
         server.create_service(Add, "add", add)
         calling = client.create_client(Add, "add")
         assert await calling.wait_for_service(20)
-        client._transport.network._engine._interrupt()
-        assert not calling.service_is_ready()
+        network = client._transport.network
+        network._engine._interrupt()
+        assert not network.locate("/add")
+        await until(lambda: network.locate("/add"))
         assert await calling.wait_for_service(20)
         assert (await calling.call(ask(1, 2))).sum == 3
 
