@@ -255,7 +255,6 @@ class ZenohEngine:
         """Note that this program's own token is gone: it cannot reach its router any more."""
         if not self._interrupted:
             self._interrupted = True
-            self._programs = {self.place}
             self._events.interrupted("the connection to the Zenoh router is lost")
         self._plan_router_check()
 
