@@ -77,6 +77,8 @@ class Deduplicator:
         """How many requests were not new, by verdict."""
         self._shared = cast("SharedCompletionStore", store) if hasattr(store, "look_up") else None
         """The store, if other servers use it too."""
+        self._problem = ""
+        """Why the last request could not be looked up; "" if it could."""
         self._state = state_of(store)
         self._starter = EagerStarter(asyncio.get_running_loop(), lambda _: None)
         self._state.deduplicators += 1
@@ -287,9 +289,12 @@ class Deduplicator:
         try:
             found = await store.look_up((call.principal, received.client))
         except TaskRpcError as error:
-            log.error("%s cannot look a request up: %s", call.service, error)
+            if str(error) != self._problem:  # an outage would fill the log: many requests fail
+                self._problem = str(error)
+                log.error("%s cannot look requests up: %s", call.service, error)
             call.fail(HandlerFailed(Code.UNAVAILABLE, text_for_callers(error)))
             return
+        self._problem = ""
         if (ledger := self._state.ledger) is not None:
             for completion in found:
                 ledger.learn(completion)

@@ -264,14 +264,14 @@ class SharedStore(Store):
 
     def __init__(self, *known, problem=None):
         super().__init__()
-        self._known, self._problem = known, problem
+        self._known, self.problem = known, problem
         self.asked = []
 
     async def look_up(self, client):
         self.asked.append(client)
         await asyncio.sleep(0)
-        if self._problem is not None:
-            raise self._problem
+        if self.problem is not None:
+            raise self.problem
         return list(self._known)
 
 
@@ -301,4 +301,24 @@ async def test_request_does_not_run_if_it_cannot_be_looked_up():
     [error] = call.ends
     assert (str(error), error.not_executed) == ("the database is away", True)
     assert store.effects == []
+    await scene.close()
+
+
+async def test_outage_of_the_store_is_logged_once_not_for_each_request(caplog):
+    logging.disable(logging.NOTSET)
+    store = SharedStore(problem=StoreError("the database is away"))
+    scene = Scene(store, add)
+    for client in "xyz":
+        scene.send(client)
+        await turns(20)
+    assert caplog.text.count("cannot look requests up: the database is away") == 1
+    store.problem = None
+    scene.send("a")
+    await turns(20)
+    store.problem = StoreError("the database is away")
+    scene.send("b")
+    await turns(20)
+    assert caplog.text.count("cannot look requests up: the database is away") == 2
+    store.do("write a", "written a")
+    await turns(20)
     await scene.close()
