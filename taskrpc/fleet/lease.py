@@ -137,8 +137,10 @@ class LeaseKeeper:
                 pause = _RETRY_AFTER
             except TaskRpcError as error:
                 pause = min(pause, _RETRY_AFTER)
-                if str(error) != problem:
-                    problem = str(error)
+                # The text of NameTaken counts seconds down: it would be another one each time.
+                found = "name taken" if isinstance(error, rules.NameTaken) else str(error)
+                if found != problem:
+                    problem = found
                     log.warning("the lease of %s is not renewed: %s", self._robot.name, error)
 
     async def _renew(self) -> None:

@@ -90,3 +90,19 @@ async def test_server_waits_for_the_lease_of_a_crashed_one(database):
     assert asyncio.get_running_loop().time() == pytest.approx(LEASE + 0.1)
     await second.keeper.leave()
     crashed.keeper._watchdog.cancel()
+
+
+async def test_name_that_another_server_has_taken_is_logged_once(database, caplog):
+    first, second = Server(database), Server(database, server="two")
+    await first.keeper.join()
+    first.store.is_cut_off = True
+    await asyncio.sleep(LEASE)
+    await second.keeper.join()
+    caplog.clear()
+    first.store.is_cut_off = False
+    await asyncio.sleep(20)
+    assert caplog.text.count("is not renewed: another server drives 'a'") == 1
+    await second.keeper.leave()
+    await asyncio.sleep(1)
+    assert first.keeper.is_valid
+    await first.keeper.leave()
