@@ -81,6 +81,8 @@ def store_of(options: argparse.Namespace) -> FleetStore:
     from taskrpc.fleet import postgres_connection  # noqa: F401
     from taskrpc.fleet.postgres_store import PostgresStore
 
+    # psycopg warns about each lost connection with an object's address; taskrpc.fleet says why.
+    logging.getLogger("psycopg").setLevel(logging.ERROR)
     store = PostgresStore(options.db)
     if store.url.has_password:
         log.warning(
