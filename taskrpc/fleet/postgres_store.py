@@ -239,7 +239,10 @@ class PostgresStore(FleetStore):
 
     async def _take_over(self, fleet: Any, clock: Any, tasks: Any, robots: Any) -> list[int]:
         """Bring the copy up to date with the rows of these cursors."""
-        version, store_id, revision, record = await fleet.fetchone()
+        row = await fleet.fetchone()
+        if row is None:
+            raise StoreError("the table taskrpc_fleet is empty: expected one row; restore it")
+        version, store_id, revision, record = row
         check_version(version)
         loop = asyncio.get_running_loop().time()
         self._clock = (await clock.fetchone())[0], loop
@@ -248,10 +251,17 @@ class PostgresStore(FleetStore):
             self.state.forget_all()
             self._store_id, self._known = store_id, -1
             raise StoreError("the tasks of the fleet were replaced; they are read again")
+        try:
+            new_tasks = [_task_decoder.decode(each) for (each,) in await tasks.fetchall()]
+            new_robots = [_robot_decoder.decode(each) for (each,) in await robots.fetchall()]
+            meta = msgspec.structs.replace(_meta_decoder.decode(record), revision=revision)
+        except msgspec.DecodeError as error:
+            raise StoreError(
+                f"a record of the fleet that was stored after revision {self._known} cannot be"
+                f" read: {error}; restore a backup"
+            ) from None
+        # Only now: without these rows, the copy must not count as up to date.
         self._store_id, self._known = store_id, revision
-        new_tasks = [_task_decoder.decode(each) for (each,) in await tasks.fetchall()]
-        new_robots = [_robot_decoder.decode(each) for (each,) in await robots.fetchall()]
-        meta = msgspec.structs.replace(_meta_decoder.decode(record), revision=revision)
         return self.state.replace(meta, new_tasks, new_robots)
 
     # Transactions

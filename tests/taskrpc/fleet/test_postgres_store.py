@@ -160,3 +160,25 @@ async def test_paused_process_does_not_keep_the_fleets_lock(postgres_url, store)
     await store.transact(put(1))  # waits until PostgreSQL has ended the other session
     assert 1 in store.state.tasks
     paused.close()
+
+
+async def test_record_that_cannot_be_read_stops_the_server_instead_of_being_passed_over(
+    postgres_url, store
+):
+    await store.transact(put(1))
+    with psycopg.connect(postgres_url) as connection:
+        connection.execute("UPDATE taskrpc_task SET record = '{}', revision = 9")
+        connection.execute("UPDATE taskrpc_fleet SET revision = 9")
+    for _ in range(2):
+        with pytest.raises(StoreError, match=r"cannot be read: .*restore a backup"):
+            await store.refresh()
+        with pytest.raises(StoreError, match=r"cannot be read: .*restore a backup"):
+            await store.transact(put(2))
+
+
+async def test_fleet_without_its_row_is_explained(postgres_url, store):
+    await store.transact(put(1))
+    with psycopg.connect(postgres_url) as connection:
+        connection.execute("DELETE FROM taskrpc_fleet")
+    with pytest.raises(StoreError, match="expected one row; restore it"):
+        await store.transact(put(2))
