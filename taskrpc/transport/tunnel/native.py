@@ -163,7 +163,7 @@ class Native:
             closable.close()
         self._served.clear()
         for name in list(self._foreign):
-            self._drop(name)
+            self._drop(name, here=True)
         if self._inner is not None:
             inner, self._inner = self._inner, None
             await inner.release()
@@ -193,11 +193,11 @@ class Native:
         self._inner.offer(known.offer)
         return known
 
-    def _drop(self, service: str) -> None:
+    def _drop(self, service: str, *, here: bool = False) -> None:
         known = self._foreign.pop(service, None)
         if known is not None and self._inner is not None:
             self._inner.withdraw(known.offer)
-            known.gone()
+            known.gone(here=here)
 
 
 def _is_same(srv_type: ServiceType, server: ForeignServer) -> bool:
@@ -288,16 +288,17 @@ class _ForeignService:
         self._waiting: deque[IncomingCall] = deque()
         self._running: dict[IncomingCall, Cancelable] = {}
 
-    def gone(self) -> None:
-        """End all calls: the last server is gone."""
+    def gone(self, *, here: bool) -> None:
+        """End all calls: this program ends (`here`), or the last server is gone."""
+        name = self.offer.name
         running, self._running = self._running, {}
+        problem = "the node was destroyed" if here else f"the server of {name} has left"
         for call, sent in running.items():
             sent.cancel()
-            call.fail(OutcomeUnknown(f"the server of {self.offer.name} has left"))
+            call.fail(OutcomeUnknown(problem))
+        problem = "the node was destroyed" if here else f"no server offers {name} any more"
         while self._waiting:
-            self._waiting.popleft().fail(
-                ServiceUnavailable(f"no server offers {self.offer.name} any more")
-            )
+            self._waiting.popleft().fail(ServiceUnavailable(problem))
 
     def _arrived(self, call: IncomingCall) -> None:
         call.on_cancel = partial(self._cancelled, call)

@@ -178,10 +178,14 @@ async def test_a_program_that_ends_leaves_no_call_and_no_task(programs):
         brief.create_service(Add, "add", add)
         client = brief.create_client(Add, "move")
         assert await client.wait_for_service(60)
-        call = client.call_async(ask())
-        await until(lambda: robot.calls)
-    assert isinstance(await outcome(call), taskrpc.OutcomeUnknown)
-    assert robot.calls[0][1].is_over
+        calls = [client.call_async(ask()) for _ in range(MOST_IN_FLIGHT + 1)]
+        await until(lambda: len(robot.calls) == MOST_IN_FLIGHT)
+    results = [await outcome(call) for call in calls]
+    # The foreign server is still there, so the error does not say that it has left.
+    assert {str(each) for each in results[:-1]} == {"the node was destroyed"}
+    assert {type(each) for each in results[:-1]} == {taskrpc.OutcomeUnknown}
+    assert isinstance(results[-1], taskrpc.TaskRpcError)
+    assert all(reply.is_over for _, reply in robot.calls)
     assert asyncio.all_tasks() == before
     assert isinstance(await native_call(robot.engine, "/add", ask()), taskrpc.ServiceUnavailable)
 
