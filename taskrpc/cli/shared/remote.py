@@ -112,7 +112,7 @@ def add_connect(parser: argparse.ArgumentParser) -> None:
 
 def add_transport(group: argparse._ActionsContainer) -> None:
     """Give a command `--transport`."""
-    what = "how programs find and call each other (tcp)"
+    what = "how programs find and call each other: tcp, ros or zenoh (tcp)"
     group.add_argument("--transport", metavar="NAME", default="tcp", help=what)
 
 
