@@ -1,5 +1,6 @@
 """`taskrpc-server --db postgresql://…`: its options, and mistakes in them."""
 
+import logging
 import sys
 from argparse import Namespace
 
@@ -91,6 +92,13 @@ def test_password_in_the_command_is_reported(caplog):
         fleet_server.store_of(Namespace(db=url))
         assert caplog.text.count("put it into PGPASSWORD or ~/.pgpass instead") == count
         assert "s3cret" not in caplog.text
+
+
+def test_warnings_of_psycopg_are_left_out(caplog):
+    pytest.importorskip("psycopg")
+    fleet_server.store_of(Namespace(db="postgresql://ann@127.0.0.1:1/fleet"))
+    logging.getLogger("psycopg").warning("error ignored terminating a pipeline")
+    assert caplog.text == ""
 
 
 @pytest.mark.parametrize(
