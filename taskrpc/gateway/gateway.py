@@ -11,7 +11,7 @@ from typing import Any
 import srvgen
 from taskrpc.client import Client
 from taskrpc.deferred import DeferredCall, DeferredService
-from taskrpc.errors import NameInUse, OutcomeUnknown, ServerBusy, TaskRpcError
+from taskrpc.errors import DeadlineExceeded, NameInUse, OutcomeUnknown, ServerBusy, TaskRpcError
 from taskrpc.gateway.account_limits import AccountLimits
 from taskrpc.gateway.allowed import Allowed
 from taskrpc.node import Node
@@ -157,7 +157,8 @@ class _Service:
         info, limits = call.info, self._gateway.limits
         # Without accounts, all callers have the same token: then each machine has its own limits.
         account = info.principal or info.machine
-        wait = limits.begin(account, self._loop.time())
+        began = self._loop.time()
+        wait = limits.begin(account, began)
         if wait:
             problem = (
                 f"the gateway passes at most {limits.rate:g} calls per second of one account on to"
@@ -170,10 +171,18 @@ class _Service:
         sent = self._client.call_async(call.request, timeout)
         call.started()
         info.on_cancel = sent.cancel
-        sent.add_done_callback(partial(self._done, call, account))
+        sent.add_done_callback(partial(self._done, call, account, began))
 
-    def _done(self, call: DeferredCall[Any, Any], account: str, sent: asyncio.Future[Any]) -> None:
-        self._gateway.limits.end(account)
+    def _done(
+        self, call: DeferredCall[Any, Any], account: str, began: float, sent: asyncio.Future[Any]
+    ) -> None:
+        end = partial(self._gateway.limits.end, account)
+        if sent.cancelled() or isinstance(sent.exception(), DeadlineExceeded):
+            # A ROS server still executes the call. If it did not count, one account could keep the
+            # robot busy for ever with short deadlines.
+            self._loop.call_at(began + self._gateway.timeout, end)
+        else:
+            end()
         if sent.cancelled():
             call.fail(TaskRpcError("cancelled by the caller"))
         elif (error := sent.exception()) is None:

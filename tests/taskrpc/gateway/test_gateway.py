@@ -118,6 +118,28 @@ async def test_calls_over_the_limit_of_open_calls_are_refused(lab):
     assert len(calls) == 3
 
 
+async def test_call_that_its_caller_has_left_counts_until_the_timeout_of_the_gateway(lab):
+    calls = []
+
+    async def hang(_, response):
+        calls.append(response)
+        await asyncio.sleep(60)
+
+    lab.robot.create_service(Trigger, "/arm/open", hang, concurrency=9)
+    await asyncio.sleep(3 * LOOK)
+    client = lab.laptop.create_client(Trigger, "/arm/open", timeout=0.1)
+    first = [client.call(Trigger.Request()) for _ in range(3)]
+    ended = await asyncio.gather(*first, return_exceptions=True)
+    assert [type(each) for each in ended] == 3 * [DeadlineExceeded]
+    await asyncio.sleep(1)
+    with pytest.raises(ServerBusy):
+        await client.call(Trigger.Request())
+    await asyncio.sleep(1)
+    with pytest.raises(DeadlineExceeded):
+        await client.call(Trigger.Request())
+    assert len(calls) == 4
+
+
 async def test_call_to_the_robot_has_a_deadline_and_is_cancelled_with_its_caller(lab):
     cancelled = []
 
