@@ -17,11 +17,20 @@ pytestmark = pytest.mark.real_time
 TRANSPORTS = {case.transport: case for case in CASES.values()}
 
 
-@pytest.fixture(params=TRANSPORTS)
+def _marked(name):
+    mark = TRANSPORTS[name].mark
+    ignored = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of foreign packages
+    return pytest.param(name, marks=[getattr(pytest.mark, mark), ignored] if mark else [])
+
+
+@pytest.fixture(params=[_marked(name) for name in TRANSPORTS])
 def case(request, monkeypatch):
     case = TRANSPORTS[request.param]
     if case.opener:
         monkeypatch.setitem(shared_endpoint.TRANSPORTS, case.transport, Registration(case.opener))
+    if case.transport == "zenoh":
+        place = request.getfixturevalue("zenoh_router")
+        monkeypatch.setenv("ZENOH_CONFIG_OVERRIDE", f'connect/endpoints=["tcp/{place}"]')
     return case
 
 
