@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import srvgen
 from srvgen.classes.loader import make_ros_classes
-from taskrpc.ros import workspace
+from taskrpc.ros import bundled, workspace
 from taskrpc.ros.missing import ExplainingFinder, explain_ros, explain_ros_or_interfaces
 
 if TYPE_CHECKING:
@@ -21,14 +21,7 @@ if TYPE_CHECKING:
 else:  # slow to import, and not needed
     MetaPathFinder = object
 
-_TASKRPC = Path(__file__).resolve().parent.parent
-_FOLDERS = {
-    "rclpy": _TASKRPC / "rclpy",
-    "ament_index_python": _TASKRPC / "ros" / "ament_index_python",
-    "rosidl_parser": _TASKRPC / "ros" / "rosidl_parser",
-    "rosidl_runtime_py": _TASKRPC / "ros" / "rosidl_runtime_py",
-}
-"""The packages with ROS names and their folders. Except for rclpy, real ones take precedence."""
+_RCLPY = Path(__file__).resolve().parent.parent / "rclpy"
 
 _WATCHER = "_taskrpc_ros"
 """The module that an enabled environment imports at its start: a copy of `start.py`."""
@@ -83,9 +76,12 @@ class _RosNamesFinder(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        if fullname not in _FOLDERS or (fullname != "rclpy" and PathFinder.find_spec(fullname)):
+        if fullname == "rclpy":
+            return _package(fullname, _RCLPY)
+        folder = bundled.packages().get(fullname)
+        if folder is None or PathFinder.find_spec(fullname):  # a real package takes precedence
             return None
-        return _package(fullname, _FOLDERS[fullname])
+        return _package(fullname, folder)
 
 
 class _WorkspaceFinder(MetaPathFinder):

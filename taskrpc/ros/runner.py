@@ -7,7 +7,7 @@ import importlib
 import runpy
 import signal
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import reduce
 from importlib.util import find_spec
 from pathlib import Path
@@ -79,13 +79,15 @@ def run_module(name: str, arguments: Sequence[str]) -> int:
 
 
 def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
-    """Run an executable of a package in the workspace, as `ros2 run` does.
+    """Run an executable of a package in the workspace or in taskrpc, as `ros2 run` does.
 
     Returns as `run_script` does. Raises TaskRpcError if there is no such package or executable.
     """
-    from taskrpc.ros import installed  # only this function needs it
+    from taskrpc.ros import bundled, installed  # only this function needs them
 
     folder = workspace.packages(Path.cwd()).get(package)
+    if folder is None and package in bundled.EXECUTABLES:
+        return _run_bundled(package, bundled.EXECUTABLES[package], name, arguments)
     if folder is None:
         where = f"expected a package.xml of that name in the workspace here, {Path.cwd()}"
         raise _with_hint(TaskRpcError(f"Package '{package}' not found"), where)
@@ -95,9 +97,19 @@ def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
         return _reported(lambda: _ended(lambda: _call(targets[name])))
     if (script := installed.script(folder, name)) is not None:
         return _reported(lambda: run_script(script, arguments))
-    known = ", ".join(sorted(installed.executables(folder)))
-    has = known or "no entry points in setup.py"
-    raise _with_hint(TaskRpcError("No executable found"), f"{package} has {has}; got '{name}'")
+    raise _no_executable(package, installed.executables(folder), name)
+
+
+def _run_bundled(package: str, targets: dict[str, str], name: str, arguments: Sequence[str]) -> int:
+    if name not in targets:
+        raise _no_executable(package, targets, name)
+    _prepare(Path.cwd(), [name, *arguments])
+    return _reported(lambda: _ended(lambda: _call(targets[name])))
+
+
+def _no_executable(package: str, names: Iterable[str], name: str) -> TaskRpcError:
+    has = ", ".join(sorted(names)) or "no entry points in setup.py"
+    return _with_hint(TaskRpcError("No executable found"), f"{package} has {has}; got '{name}'")
 
 
 def _reported(program: Callable[[], int]) -> int:

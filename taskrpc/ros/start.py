@@ -17,9 +17,6 @@ _KINDS = ("srv", "msg", "action")
 _MANIFESTS = ("package.xml", "setup.py")
 _NAMES = (
     "rclpy",
-    "ament_index_python",
-    "rosidl_parser",
-    "rosidl_runtime_py",
     # Missing packages, whose import the hook explains.
     "cv_bridge",
     "launch",
@@ -31,7 +28,7 @@ _MOST = 100
 """Most names in a folder that are read: a workspace has few."""
 
 _over = False
-_bundled = ""
+_found_bundled: "list[str]" = []
 
 
 def begin() -> "None":
@@ -76,7 +73,7 @@ def _has_definitions_here(name: "str") -> "bool":
 
 def _may_be_known(name: "str") -> "bool":
     """Whether the hook may find a package, in any of the places where it searches."""
-    if name in _NAMES or os.path.isdir(os.path.join(_folder_of_bundled(), name)):
+    if name in _NAMES or any(os.path.isdir(os.path.join(one, name)) for one in _bundled()):
         return True
     places = _places()
     if any(_is_in_a_package(place) or _has_packages(place) for place in places):
@@ -118,15 +115,16 @@ def _names_in(folder: "str") -> "list[str]":
         return []
 
 
-def _folder_of_bundled() -> "str":
-    global _bundled
-    if not _bundled:
+def _bundled() -> "list[str]":
+    """The folders with the packages that taskrpc contains; none if taskrpc was removed."""
+    if not _found_bundled:
         from importlib.machinery import PathFinder
 
-        spec = PathFinder.find_spec("srvgen")
-        home = os.path.dirname(spec.origin) if spec is not None and spec.origin else "nowhere"
-        _bundled = os.path.join(home, "interfaces")
-    return _bundled
+        for package, inner in (("srvgen", "interfaces"), ("taskrpc", "ros/packages")):
+            spec = PathFinder.find_spec(package)
+            if spec is not None and spec.origin:
+                _found_bundled.append(os.path.join(os.path.dirname(spec.origin), inner))
+    return _found_bundled
 
 
 def _places() -> "list[str]":

@@ -298,6 +298,15 @@ def test_missing_package_or_executable_is_one_line(workspace):
         assert error.startswith(start)
 
 
+def test_executables_of_packages_that_taskrpc_contains_run(workspace, tmp_path):
+    code, out, error = workspace("demo_nodes_py", "tolker")
+    assert (code, out) == (1, "")
+    assert "demo_nodes_py has add_two_ints_client, add_two_ints_server, listener, talker" in error
+    source = "import demo_nodes_py.topics.talker as own; print(own.Talker.__module__)"
+    (tmp_path / "ws/src/nodes/nodes/ask.py").write_text(f"def main(): {source}\n")
+    assert workspace("nodes", "ask")[:2] == (0, "demo_nodes_py.topics.talker\n")
+
+
 def test_package_with_sources_in_a_subfolder_runs(workspace, tmp_path):
     package = tmp_path / "ws" / "src" / "inner"
     (package / "src" / "inner").mkdir(parents=True)

@@ -8,7 +8,7 @@ import yaml
 
 import srvgen
 from srvgen.classes.slot_types import BasicType, NamespacedType, UnboundedSequence, UnboundedString
-from taskrpc.ros.rosidl_runtime_py import (
+from taskrpc.ros.packages.rosidl_runtime_py import (
     get_action_interfaces,
     get_interface_packages,
     get_interface_path,
@@ -22,7 +22,9 @@ from taskrpc.ros.rosidl_runtime_py import (
     set_message_fields,
     utilities,
 )
-from taskrpc.ros.rosidl_runtime_py.import_message import import_message_from_namespaced_type
+from taskrpc.ros.packages.rosidl_runtime_py.import_message import (
+    import_message_from_namespaced_type,
+)
 from tests.srvgen.sample_definitions import put_all
 
 PoseStamped = srvgen.load("geometry_msgs/msg/PoseStamped")
@@ -183,7 +185,7 @@ def test_interfaces_are_recognised_by_type_name_and_attributes():
 
 
 def test_a_class_is_imported_by_its_type():
-    name = NamespacedType("taskrpc.ros.rosidl_runtime_py".split("."), "message_to_yaml")
+    name = NamespacedType("taskrpc.ros.packages.rosidl_runtime_py".split("."), "message_to_yaml")
     assert import_message_from_namespaced_type(name) is message_to_yaml
     with pytest.warns(DeprecationWarning, match="AbstractNestedType"):
         found = import_message_from_namespaced_type(UnboundedSequence(name))

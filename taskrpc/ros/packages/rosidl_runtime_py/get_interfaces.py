@@ -9,7 +9,7 @@ from typing import TypeAlias
 import srvgen
 from srvgen.classes.loader import search
 from srvgen.files.reading import KINDS
-from taskrpc.ros.ament_index_python.packages import get_packages_with_prefixes
+from taskrpc.ros.packages.ament_index_python.packages import get_packages_with_prefixes
 
 Interfaces: TypeAlias = dict[str, list[str]]
 """Names such as `msg/String`, by the names of their packages."""

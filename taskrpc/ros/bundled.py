@@ -1,0 +1,25 @@
+"""The ROS packages that taskrpc contains: their folders, and the executables of `taskrpc run`."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+FOLDER = Path(__file__).parent / "packages"
+"""The folder of the packages; each has its name in ROS."""
+
+EXECUTABLES = {
+    "demo_nodes_py": {
+        "talker": "demo_nodes_py.topics.talker:main",
+        "listener": "demo_nodes_py.topics.listener:main",
+        "add_two_ints_server": "demo_nodes_py.services.add_two_ints_server:main",
+        "add_two_ints_client": "demo_nodes_py.services.add_two_ints_client:main",
+    },
+}
+"""The executables by package, each with its `module:function`."""
+
+
+@cache
+def packages() -> dict[str, Path]:
+    """The folders of the packages that programs import, by name."""
+    return {path.parent.name: path.parent for path in sorted(FOLDER.glob("*/__init__.py"))}

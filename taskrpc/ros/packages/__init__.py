@@ -1,0 +1,6 @@
+"""Python packages that ROS programs import, each in a folder with its name in ROS.
+
+Programs import them under these names; the import hook finds them. A real package of the same name
+takes precedence. `taskrpc.ros.bundled` lists what `taskrpc run PACKAGE EXECUTABLE` starts.
+The API of rclpy is not here, but in `taskrpc.rclpy`; definitions of messages are in `srvgen`.
+"""
