@@ -8,8 +8,6 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextvars import copy_context
 from functools import partial
 
-import msgspec
-
 from taskrpc.errors import TaskRpcError
 from taskrpc.fleet import rules
 from taskrpc.fleet.lease import LeaseKeeper, Report
@@ -19,13 +17,15 @@ from taskrpc.fleet.records import FleetRecords
 from taskrpc.fleet.state import FleetState
 from taskrpc.fleet.store import FleetStore, RequestKey
 from taskrpc.fleet.worker import FleetWorker
-from taskrpc.request_ids.ids import Completion
-from taskrpc.robot.protocol import Plan, Pose, Robot, TargetError
+from taskrpc.robot.protocol import Plan, Pose, Robot
+from taskrpc.tasks.managed import Completing, QueueSettings
+from taskrpc.tasks.managed_robot import ManagedRobot
 from taskrpc.tasks.model import RUNNING_KEY, EstimateChange, OrderKey, Task, TaskState
 from taskrpc.tasks.queue.estimate_log import DelayLog
 from taskrpc.tasks.records.change_feed import ChangeFeed
-from taskrpc.tasks.responses import Resumed, TaskResponse, by_client, printable, unstored_note
-from taskrpc.tasks.robot_guard import RobotGuard, Telemetry, checked_plan, error_text
+from taskrpc.tasks.responses import Resumed, TaskResponse, by_client, unstored_note
+from taskrpc.tasks.robot_guard import checked_plan
+from taskrpc.tasks.task_execution import TaskExecution
 
 _log = logging.getLogger("taskrpc.fleet")
 
@@ -33,11 +33,8 @@ _PLAN_AGE = 0.2  # seconds for which a plan is used again
 _UNKNOWN = 30.0  # robot seconds that another robot is expected to need for what this one cannot do
 _FOLLOW_CANCEL = 1.0  # seconds to wait until another server has halted its robot
 
-Completing = Callable[[TaskResponse], Completion | None]
-"""Makes the completion of a request from its response."""
 
-
-class FleetSettings(msgspec.Struct, frozen=True, kw_only=True):
+class FleetSettings(QueueSettings, frozen=True, kw_only=True):
     """The settings of a server of a fleet."""
 
     name: str = "robot_1"
@@ -46,15 +43,9 @@ class FleetSettings(msgspec.Struct, frozen=True, kw_only=True):
     """What the robot may do; see `taskrpc.fleet.model.Capabilities`. "" for everything."""
     lease: float = LEASE
     """Seconds for which the robot belongs to a server that does not answer any more."""
-    queue_limit: int = 10_000
-    """How many tasks may wait."""
-    share: int | None = None
-    """How many waiting tasks one account may have from one machine; None for no limit."""
-    settle: float = 0.1
-    """Real seconds that an idle robot waits for more tasks before it claims one."""
 
 
-class FleetManager:
+class FleetManager(ManagedRobot):
     """Accepts tasks for a fleet and lets one robot execute its part of them.
 
     Args:
@@ -69,6 +60,7 @@ class FleetManager:
     def __init__(
         self, robot: Robot, store: FleetStore, settings: FleetSettings | None = None
     ) -> None:
+        super().__init__(robot)
         self._settings = settings = settings or FleetSettings()
         capabilities = Capabilities(settings.capabilities)
         self.name = settings.name
@@ -81,12 +73,11 @@ class FleetManager:
         self.address: Callable[[], str] = lambda: ""
         """Returns where the server listens, for the error texts of other servers."""
         self.store = store
-        self._guard = RobotGuard(robot)
-        self.is_closed = False
-        """Whether `close` has been called; afterwards, no other method may be called."""
         self.change_feed = ChangeFeed(max(1, int(store.now() * 1000)))
         """Announces every change to watchers."""
-        self.repository = FleetRecords(store, self.change_feed, self.name, self._guard.pose)
+        self.repository: FleetRecords = FleetRecords(
+            store, self.change_feed, self.name, self._robot_guard.pose
+        )
         """Every remembered task."""
         self.delays = DelayLog()
         """Empty: a fleet keeps no log of why estimates have changed."""
@@ -101,7 +92,7 @@ class FleetManager:
         """This server's lease on its robot."""
         self._worker = FleetWorker(
             self.name,
-            self._guard,
+            self._robot_guard,
             store,
             self.repository,
             self.lease,
@@ -113,15 +104,15 @@ class FleetManager:
         store.listeners.append(self._changed)
 
     def _record(self) -> RobotRecord:
-        robot = self._guard.robot
+        robot = self._robot_guard.robot
         return RobotRecord(
             name=self.name,
             server=os.urandom(8).hex(),
             task_types=tuple(robot.task_types),
             capabilities=self._settings.capabilities,
             places=_places(robot),
-            speed=self._guard.speed,
-            pose=self._guard.pose(),
+            speed=self._robot_guard.speed,
+            pose=self._robot_guard.pose(),
         )
 
     # Start and end
@@ -160,8 +151,8 @@ class FleetManager:
     def _report(self) -> Report:
         execution = self._worker.execution
         if execution is None:
-            return Report(pose=self._guard.pose())
-        remaining = execution.remaining() / self._guard.speed
+            return Report(pose=self._robot_guard.pose())
+        remaining = execution.remaining() / self._robot_guard.speed
         return Report(max(remaining, 1e-6), execution.task.progress)
 
     def _changed(self, task_ids: Sequence[int]) -> None:
@@ -197,33 +188,8 @@ class FleetManager:
         return self.store.state.meta.paused or self._worker.is_held
 
     @property
-    def running(self) -> Task | None:
-        """The task that this server's robot executes, None if it is idle."""
-        execution = self._worker.execution
-        return self.repository.find(execution.task.task_id) if execution else None
-
-    @property
-    def robot(self) -> Robot:
-        """This server's robot."""
-        return self._guard.robot
-
-    @property
-    def speed(self) -> float:
-        """Robot seconds in a real second."""
-        return self._guard.speed
-
-    def telemetry(self) -> Telemetry:
-        """Return what this server's robot reports about itself."""
-        return self._guard.telemetry()
-
-    def remaining(self) -> float:
-        """Return the robot seconds until this robot's task ends; 0.0 while it is idle."""
-        execution = self._worker.execution
-        return execution.remaining() if execution else 0.0
-
-    def pose(self) -> Pose:
-        """Return the pose of this server's robot."""
-        return self._guard.pose()
+    def _execution(self) -> TaskExecution | None:
+        return self._worker.execution
 
     def begun(self) -> Iterable[tuple[OrderKey, Task]]:
         """Return the tasks that robots execute, each with its place before the queue."""
@@ -255,8 +221,7 @@ class FleetManager:
         task = state.tasks.get(task_id)
         if task is None or task.state.is_ended:
             return 0.0
-        execution = self._worker.execution
-        if execution is not None and execution.task.task_id == task_id:
+        if execution := self._running(task_id):
             return execution.remaining()
         if task.state is not TaskState.QUEUED:
             robot = state.robots.get(task.robot)
@@ -327,8 +292,7 @@ class FleetManager:
 
     async def cancel(self, task_id: int, *, client: str = "") -> TaskResponse:
         """Cancel a queued or running task, wherever it runs."""
-        execution = self._worker.execution
-        if execution is not None and execution.task.task_id == task_id:
+        if execution := self._running(task_id):
             # Halt this server's own robot before anything is stored.
             try:
                 await execution.cancel(by_client("cancelled", client))
@@ -422,7 +386,7 @@ class FleetManager:
     def _plan_for(self, robot: RobotRecord, task_type: str, target: str, pose: Pose) -> Plan | None:
         """Return a robot's plan, by this server's own robot; see `Planner`."""
         try:
-            return checked_plan(self._guard.robot, task_type, target, pose)
+            return checked_plan(self._robot_guard.robot, task_type, target, pose)
         except Exception:  # a robot of the user's own may raise anything
             return None if robot.name == self.name else Plan(_UNKNOWN, pose)
 
@@ -452,22 +416,18 @@ class FleetManager:
 
     def _refusal(self, state: FleetState, now: float, task_type: str, target: str) -> str:
         """Return why no robot can execute a task, "" if one can."""
-        robot, own = self._guard.robot, state.robots.get(self.name)
+        robot, own = self._robot_guard.robot, state.robots.get(self.name)
         able = state.abilities().of(task_type, target)
         others = {each.name for each in state.live_robots(now)} & able - {self.name}
         known = {place for each in state.robots.values() for place in each.places}
         if others and target.strip() in known:
             return ""  # a place on another robot's map, perhaps not on this one's
         if task_type in robot.task_types and own is not None:
-            try:
-                checked_plan(robot, task_type, target, self._guard.pose())
-            except TargetError as error:
-                return f"Invalid target: {error_text(error)[:400]}"
-            except Exception as error:
-                return f"The robot cannot plan this task: {error_text(error)[:400]}"
+            if refusal := self._robot_guard.refusal(task_type, target):
+                return refusal
             if self.name in able:
                 return ""  # even if its lease has just ended: this server runs and will renew it
-        return rules.refuse_unable(state, now, printable(task_type), target)
+        return rules.refuse_unable(state, now, task_type, target)
 
 
 def _places(robot: Robot) -> tuple[str, ...]:

@@ -17,13 +17,17 @@ from taskrpc.fleet.state import FleetState
 from taskrpc.robot.protocol import Plan, Pose
 from taskrpc.tasks.model import Task, TaskState
 from taskrpc.tasks.responses import (
+    SERVER_ENDED,
     TaskResponse,
     by_client,
     priority_refusal,
-    requeue_hint,
+    queue_full,
+    refused,
+    requeue_refusal,
+    share_full,
+    task_queued,
+    unknown_type,
 )
-
-SERVER_ENDED = "the server ended while it ran"
 
 
 class Fenced(TaskRpcError):
@@ -276,7 +280,7 @@ def submit(
     """
     problem = refusal(task.task_type, task.target) or priority_refusal(task.priority)
     if not problem and len(state) >= queue_limit:
-        problem = f"Queue full (waiting: {len(state)}, limit: {queue_limit})"
+        problem = queue_full(len(state), queue_limit)
     if not problem and share is not None and account:
         problem = _share_refusal(state, task, share)
     if problem:
@@ -293,17 +297,13 @@ def _queue(state: FleetState, task: Task, estimated: Callable[[Task], float]) ->
     state.put_task(task)
     seconds = estimated(task)
     state.put_task(msgspec.structs.replace(task, accepted_estimate=seconds))
-    note = " (the queue is paused)" if state.meta.paused else ""
-    return TaskResponse(True, f"Task queued: {task.task_type}{note}", task.task_id, seconds)
+    return task_queued(task, seconds, paused=state.meta.paused)
 
 
 def _share_refusal(state: FleetState, task: Task, share: int) -> str:
     submitter = task.client, task.machine
     waiting = sum((each.client, each.machine) == submitter for each in state.queued())
-    if waiting < share:
-        return ""
-    account = f"{task.client} at {task.machine}" if task.machine else task.client
-    return f"Share full: {account} (waiting: {waiting}, limit for one account: {share})"
+    return share_full(task.client, task.machine, waiting, share) if waiting >= share else ""
 
 
 def cancel(state: FleetState, now: float, task_id: int, client: str) -> TaskResponse:
@@ -318,7 +318,7 @@ def cancel(state: FleetState, now: float, task_id: int, client: str) -> TaskResp
         return _done(f"Task {task_id} is being cancelled", task_id)
     if task is not None and task.state is TaskState.CANCELED:
         return _done(f"Task {task_id} is cancelled already", task_id)
-    return _refuse(task, task_id, "cannot be cancelled any more")
+    return refused(task, task_id, "cannot be cancelled any more")
 
 
 def drop(state: FleetState, now: float, task_id: int, client: str) -> TaskResponse:
@@ -332,7 +332,7 @@ def drop(state: FleetState, now: float, task_id: int, client: str) -> TaskRespon
         return _done(f"Task {task_id} was dropped", task_id)
     if task is not None and task.state is TaskState.CANCELED:
         return _done(f"Task {task_id} is dropped already", task_id)
-    return _refuse(task, task_id, "only a queued or interrupted task can be dropped")
+    return refused(task, task_id, "only a queued or interrupted task can be dropped")
 
 
 def reprioritise(
@@ -347,7 +347,7 @@ def reprioritise(
         return TaskResponse(False, refusal)
     task = state.tasks.get(task_id)
     if task is None or task.state is not TaskState.QUEUED:
-        return _refuse(task, task_id, "only a queued task can be moved")
+        return refused(task, task_id, "only a queued task can be moved")
     moved = msgspec.structs.replace(task, priority=priority)
     state.put_task(moved)
     return _done(f"Task {task_id} has priority {priority}", task_id, estimated(moved))
@@ -367,16 +367,12 @@ def requeue(
     task = state.tasks.get(task_id)
     if task is not None and task.state is TaskState.QUEUED:
         return _done(f"Task {task_id} is queued already", task_id, estimated(task))
-    if task is None or TaskState.QUEUED not in task.may_become:
-        return _refuse(
-            task, task_id, "only an interrupted, failed or cancelled task can be queued again"
-        )
-    if resume and task.state is not TaskState.INTERRUPTED:
-        hint = requeue_hint(task_id)
-        return _refuse(task, task_id, f"only an interrupted task can be resumed; {hint}")
+    if response := requeue_refusal(task, task_id, resume=resume):
+        return response
+    assert task is not None, "an unknown task is refused"
     problem = refusal(task.task_type, task.target)
     if not problem and len(state) >= queue_limit:
-        problem = f"Queue full (waiting: {len(state)}, limit: {queue_limit})"
+        problem = queue_full(len(state), queue_limit)
     if problem:
         return TaskResponse(False, problem)
     arrival = task.arrival
@@ -410,20 +406,13 @@ def refuse_unable(state: FleetState, now: float, task_type: str, target: str) ->
         servers = "its server does not run" if len(able) == 1 else "their servers do not run"
         return f"No robot can execute {what} now: only {names} can, and {servers}"
     if task_type not in known:
-        expected = " or ".join(", ".join(known).rsplit(", ", 1))
-        return f"Invalid task: {task_type} (expected {expected})"
+        return unknown_type(task_type, known)
     names = ", ".join(robot.name for robot in live)
     return f"No robot of the fleet ({names}) is able to execute {what}"
 
 
 def _done(message: str, task_id: int, estimate: float = 0.0) -> TaskResponse:
     return TaskResponse(True, message, task_id, estimate)
-
-
-def _refuse(task: Task | None, task_id: int, rule: str) -> TaskResponse:
-    if task is None:
-        return TaskResponse(False, f"There is no task {task_id}")
-    return TaskResponse(False, f"Task {task_id} is {task.state.value}: {rule}")
 
 
 # Estimates

@@ -19,6 +19,7 @@ from taskrpc.fleet.state import FleetState
 from taskrpc.fleet.store import FleetStore
 from taskrpc.robot.protocol import Plan
 from taskrpc.tasks.model import EstimateChange, Task, TaskState
+from taskrpc.tasks.responses import SERVER_ENDED
 from taskrpc.tasks.robot_guard import RobotGuard
 from taskrpc.tasks.task_execution import TaskExecution
 
@@ -87,7 +88,7 @@ class FleetWorker:
             return
         self._working.cancel()
         if execution := self.execution:
-            execution.interrupt(rules.SERVER_ENDED)
+            execution.interrupt(SERVER_ENDED)
             try:
                 async with asyncio.timeout(_HALT_TIMEOUT):
                     await execution.wait()

@@ -5,15 +5,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence, Sized
-from typing import Protocol
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from typing import Protocol, TypeAlias
 
+import msgspec
+
+from taskrpc.request_ids.ids import Completion
 from taskrpc.robot.protocol import Pose, Robot
 from taskrpc.tasks.model import EstimateChange, OrderKey, Task
 from taskrpc.tasks.queue.estimate_log import DelayLog
 from taskrpc.tasks.records.change_feed import ChangeFeed
 from taskrpc.tasks.responses import Resumed, TaskResponse
 from taskrpc.tasks.robot_guard import Telemetry
+
+Completing: TypeAlias = Callable[[TaskResponse], Completion | None]
+"""Makes the completion of a request from its response."""
+
+
+class QueueSettings(msgspec.Struct, frozen=True, kw_only=True):
+    """The settings that the managers of one robot and of a fleet have in common."""
+
+    queue_limit: int = 10_000
+    """How many tasks may wait."""
+    share: int | None = None
+    """How many waiting tasks one account may have from one machine; None for no limit."""
+    settle: float = 0.1
+    """Real seconds that an idle robot waits for more tasks before it takes the first one."""
 
 
 class TaskRecords(Protocol):

@@ -8,11 +8,10 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
-import msgspec
-
 from taskrpc.errors import TaskRpcError
-from taskrpc.request_ids.ids import Completion
-from taskrpc.robot.protocol import Pose, Robot, TargetError
+from taskrpc.robot.protocol import Robot
+from taskrpc.tasks.managed import Completing, QueueSettings
+from taskrpc.tasks.managed_robot import ManagedRobot
 from taskrpc.tasks.model import RUNNING_KEY, EstimateChange, OrderKey, Task, TaskState
 from taskrpc.tasks.queue.estimate_log import DelayLog
 from taskrpc.tasks.queue.estimated_queue import EstimatedQueue
@@ -22,15 +21,20 @@ from taskrpc.tasks.records.change_feed import ChangeFeed
 from taskrpc.tasks.records.repository import OnStored, TaskRepository, resolve_future
 from taskrpc.tasks.records.store import TaskStore
 from taskrpc.tasks.responses import (
+    SERVER_ENDED,
     Resumed,
     TaskResponse,
     by_client,
-    printable,
     priority_refusal,
+    queue_full,
+    refused,
     requeue_hint,
+    requeue_refusal,
+    share_full,
+    task_queued,
+    unknown_type,
     unstored_note,
 )
-from taskrpc.tasks.robot_guard import RobotGuard, Telemetry, checked_plan, error_text
 from taskrpc.tasks.task_execution import TaskExecution
 from taskrpc.tasks.worker import Worker
 
@@ -38,19 +42,10 @@ _log = logging.getLogger("taskrpc.tasks")
 
 _TOLERANCE = 0.005  # real seconds that an execution may be late before the estimates change
 
-Completing = Callable[[TaskResponse], Completion | None]
-"""Makes the completion of a request from its response."""
 
-
-class TaskSettings(msgspec.Struct, frozen=True, kw_only=True):
+class TaskSettings(QueueSettings, frozen=True, kw_only=True):
     """The settings of a task manager."""
 
-    queue_limit: int = 10_000
-    """How many tasks may wait."""
-    share: int | None = None
-    """How many waiting tasks one account may have from one machine; None for no limit."""
-    settle: float = 0.1
-    """Real seconds that an idle robot waits for more tasks before it takes the first one."""
     keep_ended: int = 1000
     """How many ended tasks are remembered, besides the interrupted ones."""
     wall_clock: Callable[[], float] = time.time
@@ -59,7 +54,7 @@ class TaskSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Takes each step of the queue, for a recording; None for no journal."""
 
 
-class TaskManager:
+class TaskManager(ManagedRobot):
     """Accepts tasks, lets the robot execute them in order, and remembers how they ended.
 
     Args:
@@ -71,15 +66,15 @@ class TaskManager:
     def __init__(
         self, robot: Robot, store: TaskStore, settings: TaskSettings | None = None
     ) -> None:
+        super().__init__(robot)
         self._settings = settings = settings or TaskSettings()
-        self._robot_guard = RobotGuard(robot)
-        self.is_closed = False
-        """Whether `close` has been called; afterwards, no other method may be called."""
         # A server's first revision must be above all revisions of earlier servers. So it is the
         # time in milliseconds since 1970.
         self.change_feed = ChangeFeed(max(1, int(settings.wall_clock() * 1000)))
         """Announces every change to watchers."""
-        self.repository = TaskRepository(store, self.change_feed, keep_ended=settings.keep_ended)
+        self.repository: TaskRepository = TaskRepository(
+            store, self.change_feed, keep_ended=settings.keep_ended
+        )
         """Every remembered task."""
         self._estimated_queue = self._make_queue(settings.journal)
         self.queue = self._estimated_queue.queue
@@ -151,37 +146,13 @@ class TaskManager:
         return self._worker.is_paused
 
     @property
-    def running(self) -> Task | None:
-        """The task that the robot executes, None if it is idle."""
-        execution = self._worker.execution
-        return self.repository.find(execution.task.task_id) if execution else None
-
-    @property
-    def robot(self) -> Robot:
-        """The robot; call its methods through the manager."""
-        return self._robot_guard.robot
+    def _execution(self) -> TaskExecution | None:
+        return self._worker.execution
 
     @property
     def delays(self) -> DelayLog:
         """Why estimates have changed, newest events last; read it only."""
         return self._estimated_queue.log
-
-    def telemetry(self) -> Telemetry:
-        """Return the robot's pose and, if it reports them, its path, battery and odometer."""
-        return self._robot_guard.telemetry()
-
-    def remaining(self) -> float:
-        """Return the robot seconds until the running task ends; 0.0 while the robot is idle."""
-        return self._worker.execution.remaining() if self._worker.execution else 0.0
-
-    @property
-    def speed(self) -> float:
-        """Robot seconds in a real second."""
-        return self._robot_guard.speed
-
-    def pose(self) -> Pose:
-        """Return the robot's pose, or its last known one."""
-        return self._robot_guard.pose()
 
     def update_estimates(self) -> None:
         """Bring the estimates up to date; call it before reading them."""
@@ -360,14 +331,9 @@ class TaskManager:
         task = self.repository.find(task_id)
         if task and is_queued:
             return self._done(f"Task {task_id} is queued already", task)
-        if task is None or TaskState.QUEUED not in task.may_become:
-            return self._refuse(
-                task_id, "only an interrupted, failed or cancelled task can be queued again"
-            )
-        if resume and task.state is not TaskState.INTERRUPTED:
-            return self._refuse(
-                task_id, f"only an interrupted task can be resumed; {requeue_hint(task_id)}"
-            )
+        if response := requeue_refusal(task, task_id, resume=resume):
+            return response
+        assert task is not None, "an unknown task is refused"
         if refusal := self._refusal(task.task_type, task.target, task.priority):
             return TaskResponse(False, refusal)
         arrival = task.arrival if resume else self.repository.new_arrival()
@@ -419,19 +385,14 @@ class TaskManager:
     ) -> str:
         robot = self._robot_guard.robot
         if task_type not in robot.task_types:
-            expected = " or ".join(", ".join(robot.task_types).rsplit(", ", 1))
-            return f"Invalid task: {printable(task_type)} (expected {expected})"
-        try:
-            checked_plan(robot, task_type, target, self._robot_guard.pose())
-        except TargetError as error:
-            return f"Invalid target: {error_text(error)[:400]}"
-        except Exception as error:
-            return f"The robot cannot plan this task: {error_text(error)[:400]}"
+            return unknown_type(task_type, robot.task_types)
+        if refusal := self._robot_guard.refusal(task_type, target):
+            return refusal
         if refusal := priority_refusal(priority):
             return refusal
         limit = self._settings.queue_limit
         if len(self.queue) >= limit:
-            return f"Queue full (waiting: {len(self.queue)}, limit: {limit})"
+            return queue_full(len(self.queue), limit)
         return self._share_refusal(account, machine)
 
     def _share_refusal(self, account: str, machine: str) -> str:
@@ -439,11 +400,7 @@ class TaskManager:
         if share is None or not account:
             return ""
         waiting = self.queue.count_waiting(account, machine)
-        if waiting < share:
-            return ""
-        if machine:
-            account = f"{account} at {machine}"
-        return f"Share full: {account} (waiting: {waiting}, limit for one account: {share})"
+        return share_full(account, machine, waiting, share) if waiting >= share else ""
 
     def _accept(
         self, on_stored: OnStored, task: Task, completing: Completing | None = None
@@ -486,24 +443,15 @@ class TaskManager:
         await self.repository.stored(task_id)
         return task_id in self.queue
 
-    def _running(self, task_id: int) -> TaskExecution | None:
-        execution = self._worker.execution
-        return execution if execution and execution.task.task_id == task_id else None
-
     def _queued(self, task: Task) -> TaskResponse:
-        note = " (the queue is paused)" if self.is_paused else ""
-        message = f"Task queued: {task.task_type}{note}"
-        return TaskResponse(True, message, task.task_id, task.accepted_estimate)
+        return task_queued(task, task.accepted_estimate, paused=self.is_paused)
 
     def _interrupted(self, task: Task) -> Task:
-        message = "the server ended while it ran"
-        return task.ended(TaskState.INTERRUPTED, self._settings.wall_clock(), message=message)
+        now = self._settings.wall_clock()
+        return task.ended(TaskState.INTERRUPTED, now, message=SERVER_ENDED)
 
     def _done(self, message: str, task: Task) -> TaskResponse:
         return TaskResponse(True, message, task.task_id, self.estimate(task.task_id))
 
     def _refuse(self, task_id: int, rule: str) -> TaskResponse:
-        task = self.repository.find(task_id)
-        if task is None:
-            return TaskResponse(False, f"There is no task {task_id}")
-        return TaskResponse(False, f"Task {task_id} is {task.state.value}: {rule}")
+        return refused(self.repository.find(task_id), task_id, rule)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
 
 import srvgen
 from taskrpc.errors import TaskRpcError, text_for_callers
-from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, EstimateChange, Task
+from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, EstimateChange, Task, TaskState
+
+SERVER_ENDED = "the server ended while it ran"
+"""The message of a task that ran when its server ended."""
 
 _EARLIEST, _LATEST = -(2.0**31), 2.0**31 - 1  # the range of builtin_interfaces/msg/Time
 
@@ -49,6 +52,52 @@ class Resumed(msgspec.Struct, frozen=True):
         if self.paused:
             more.append("the queue is still paused (taskrpc task resume continues it)")
         return "; ".join([f"resumed {count}", *listed, *more])
+
+
+def task_queued(task: Task, estimated_time: float, *, paused: bool, note: str = "") -> TaskResponse:
+    """Return the response to a submission that was accepted; `note` says what the task waits for.
+
+    `paused`: whether the queue is paused.
+    """
+    notes = [each for each in (note, "the queue is paused" if paused else "") if each]
+    added = f" ({'; '.join(notes)})" if notes else ""
+    message = f"Task queued: {task.task_type}{added}"
+    return TaskResponse(True, message, task.task_id, estimated_time)
+
+
+def refused(task: Task | None, task_id: int, rule: str) -> TaskResponse:
+    """Return the response to a request that a task's state does not allow, with the rule."""
+    if task is None:
+        return TaskResponse(False, f"There is no task {task_id}")
+    return TaskResponse(False, f"Task {task_id} is {task.state.value}: {rule}")
+
+
+def requeue_refusal(task: Task | None, task_id: int, *, resume: bool) -> TaskResponse | None:
+    """Return why a task's state does not allow to queue it again, None if it does."""
+    if task is None or TaskState.QUEUED not in task.may_become:
+        rule = "only an interrupted, failed or cancelled task can be queued again"
+        return refused(task, task_id, rule)
+    if resume and task.state is not TaskState.INTERRUPTED:
+        hint = requeue_hint(task_id)
+        return refused(task, task_id, f"only an interrupted task can be resumed; {hint}")
+    return None
+
+
+def unknown_type(task_type: str, expected: Sequence[str]) -> str:
+    """Return the refusal of a type of task that no robot has."""
+    types = " or ".join(", ".join(expected).rsplit(", ", 1))
+    return f"Invalid task: {printable(task_type)} (expected {types})"
+
+
+def queue_full(waiting: int, limit: int) -> str:
+    """Return the refusal of a task for which the queue has no place."""
+    return f"Queue full (waiting: {waiting}, limit: {limit})"
+
+
+def share_full(account: str, machine: str, waiting: int, share: int) -> str:
+    """Return the refusal of a task of an account that has too many tasks."""
+    whose = f"{account} at {machine}" if machine else account
+    return f"Share full: {whose} (waiting: {waiting}, limit for one account: {share})"
 
 
 def priority_refusal(priority: int) -> str:

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from taskrpc.robot.protocol import Plan, Pose, Robot
+from taskrpc.robot.protocol import Plan, Pose, Robot, TargetError
 from taskrpc.tasks.model import Task
 
 _log = logging.getLogger("taskrpc.tasks")
@@ -65,6 +65,16 @@ class RobotGuard:
             text = "task %d: the robot cannot plan it: %s"
             _log.warning(text, task.task_id, error_text(error), extra={"task": task.task_id})
             return Plan(0.0, start)
+
+    def refusal(self, task_type: str, target: str) -> str:
+        """Return why the robot cannot execute a task from its present pose, "" if it can."""
+        try:
+            checked_plan(self.robot, task_type, target, self.pose())
+        except TargetError as error:
+            return f"Invalid target: {error_text(error)[:400]}"
+        except Exception as error:
+            return f"The robot cannot plan this task: {error_text(error)[:400]}"
+        return ""
 
     def pose(self) -> Pose:
         """Return the robot's pose; the last known one if the robot fails."""

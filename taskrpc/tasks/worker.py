@@ -11,6 +11,7 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.tasks.model import Task, TaskState
 from taskrpc.tasks.queue.estimated_queue import EstimatedQueue
 from taskrpc.tasks.records.repository import TaskRepository
+from taskrpc.tasks.responses import SERVER_ENDED
 from taskrpc.tasks.robot_guard import RobotGuard
 from taskrpc.tasks.task_execution import TaskExecution
 
@@ -71,7 +72,7 @@ class Worker:
             return
         self._pause_queue()
         if execution := self.execution:
-            execution.interrupt("the server ended while it ran")
+            execution.interrupt(SERVER_ENDED)
             if not await self._ends_soon(execution):
                 execution.abandon()
                 await execution.is_over.wait()
