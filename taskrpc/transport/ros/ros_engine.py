@@ -9,10 +9,8 @@ import os
 from collections.abc import Callable
 from typing import Any
 
-import msgspec
-
 import srvgen
-from taskrpc.errors import TaskRpcError, TypeMismatch
+from taskrpc.errors import ProtocolError, TaskRpcError, TypeMismatch
 from taskrpc.transport.base import Deliver, OnDone, OnMismatch
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry
@@ -25,6 +23,7 @@ from taskrpc.transport.ros.native_topics import Carrier, NativePublisher, Native
 from taskrpc.transport.ros.program_links import NODE, ProgramLinks, place_of
 from taskrpc.transport.ros.spinning import Ending, Handoff, Spinner, wait_until_sent
 from taskrpc.transport.settings import Settings
+from taskrpc.transport.tunnel.directory import entry_in
 from taskrpc.transport.tunnel.tunnel_network import TunnelNetwork
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
@@ -38,8 +37,6 @@ SETTLE_ALONE = 1.3
 """Seconds to wait while no other program is found: DDS repeats its question after one second."""
 _LONGEST_SETTLE = 2.5
 _FIRST_LOOK = 0.02
-
-_decode_entry = msgspec.msgpack.Decoder(RegistryEntry).decode
 
 
 def open_network(settings: Settings) -> TunnelNetwork:
@@ -179,8 +176,8 @@ class RosEngine:
 
     def program_seen(self, place: str, entry: bytes) -> None:
         """Note the nodes of another taskrpc program, which are not foreign."""
-        with contextlib.suppress(msgspec.MsgspecError):
-            self._entries[place] = _decode_entry(entry)
+        with contextlib.suppress(ProtocolError):  # the tunnel logs it
+            self._entries[place] = entry_in(entry, place)
         self._read()
 
     def program_gone(self, place: str) -> None:

@@ -38,22 +38,7 @@ class Directory:
 
     def seen(self, place: str, presence: bytes) -> None:
         """Add a program, or replace its entry. Raises ProtocolError for an invalid presence."""
-        shown = _decode(presence)
-        address = place if shown.accepts else ""
-        entry = RegistryEntry(
-            pid=0,
-            script=shown.script,
-            folder="",
-            since=shown.since,
-            address=address,
-            token=shown.token.hex(),
-            nodes=tuple(shown.names.nodes),
-            services=tuple(shown.names.services),
-            clients=tuple(shown.names.clients),
-            publishers=tuple(shown.names.publishers),
-            subscriptions=tuple(shown.names.subscriptions),
-        )
-        self._programs[place] = TrackedEntry(entry)
+        self._programs[place] = TrackedEntry(entry_in(presence, place))
 
     def gone(self, place: str) -> bool:
         """Remove a program; return whether it was there."""
@@ -82,6 +67,24 @@ class Directory:
     def entries(self) -> list[RegistryEntry]:
         """The entries of all programs."""
         return [each.entry() for each in self._programs.values()]
+
+
+def entry_in(presence: bytes, place: str) -> RegistryEntry:
+    """Return the entry of the program at a place. Raises ProtocolError for an invalid presence."""
+    shown = _decode(presence)
+    return RegistryEntry(
+        pid=0,
+        script=shown.script,
+        folder="",
+        since=shown.since,
+        address=place if shown.accepts else "",
+        token=shown.token.hex(),
+        nodes=tuple(shown.names.nodes),
+        services=tuple(shown.names.services),
+        clients=tuple(shown.names.clients),
+        publishers=tuple(shown.names.publishers),
+        subscriptions=tuple(shown.names.subscriptions),
+    )
 
 
 def presence_of(entry: RegistryEntry, token: bytes) -> bytes:

@@ -56,6 +56,15 @@ def _add(request, response):
     return response
 
 
+async def test_nodes_of_other_programs_are_not_foreign_without_an_enclave_either(ros, monkeypatch):
+    monkeypatch.setenv("ROS_SECURITY_ENABLE", "true")
+    async with node("server"), node("client", 1) as client:
+        await asyncio.sleep(GRAPH)
+        scripts = [entry.script for entry in await client.graph()]
+    assert len(scripts) == 2
+    assert not any("ROS 2 node" in script for script in scripts)
+
+
 async def test_nodes_are_nodes_of_ros_with_the_enclave_of_the_program(ros):
     async with node("arm", namespace="/robot"):
         names = {(each.namespace, each.name): each.enclave for each in ros.nodes}
