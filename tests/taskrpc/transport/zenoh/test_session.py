@@ -47,7 +47,7 @@ def test_an_invalid_configuration_is_refused(configuration, problem):
 
 
 def test_a_reason_is_one_line_without_places_in_the_source():
-    error = ValueError("no\nway  at /root/zenoh/x.rs:12. Then " + "x" * 400)
+    error = ValueError("no\nway  at /build/zenoh/x.rs:12. Then " + "x" * 400)
     reason = reason_of(error)
     assert reason.startswith("no way Then x")
     assert len(reason) == 301
