@@ -166,7 +166,6 @@ class PostgresStore(FleetStore):
         """The revision up to which the copy has all rows; -1 before the first reading."""
         self._clock: tuple[float, float] | None = None
         """The database's clock, and the loop's clock at the same time."""
-        self._is_committing = False
 
     # Reading
 

@@ -13,7 +13,7 @@ import msgspec
 import srvgen
 from taskrpc.errors import TaskRpcError
 from taskrpc.introspection import SUFFIX
-from taskrpc.recording.mcap_file import JSON, Message, Recording, Topic
+from taskrpc.recording.mcap_file import JSON, Message, Topic
 from taskrpc.recording.player import playable_class
 from taskrpc.recording.schemas import is_event
 
@@ -161,14 +161,6 @@ class CallReader:
             return None if cls is None else srvgen.from_cdr(cls, message.data)
         except srvgen.CdrError:
             return None
-
-
-def calls_of(recording: Recording) -> list[RecordedCall]:
-    """Return the calls of a recording, in the order of their start."""
-    reader = CallReader()
-    for message in recording.messages(keep=is_about_calls):
-        reader.take(message)
-    return sorted(reader.calls, key=lambda call: call.begin)
 
 
 def is_about_calls(topic: Topic) -> bool:

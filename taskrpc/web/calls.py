@@ -11,7 +11,7 @@ import asyncio
 import time
 from collections import OrderedDict, deque
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 
@@ -101,13 +101,6 @@ class AccountCalls(msgspec.Struct):
     calls: int = 0
     last: float = 0.0
     """When the last one began, in seconds since 1970."""
-
-
-class ObservedRequest(Protocol):
-    """The attributes of an exactly-once call that `CallInfo` does not have."""
-
-    received_id: ReceivedId | None
-    request: Any
 
 
 class CallLog(Observer):

@@ -38,13 +38,13 @@ def service_profile(ros: Any) -> Any:
     )
 
 
-def everything(ros: Any, *, latched: bool = False) -> Any:
+def everything(ros: Any) -> Any:
     """Return a profile that loses nothing."""
     qos = ros.qos
     return qos.QoSProfile(
         history=qos.HistoryPolicy.KEEP_ALL,
         reliability=_reliability(qos, reliable=True),
-        durability=_durability(qos, latched),
+        durability=_durability(qos, latched=False),
     )
 
 

@@ -41,11 +41,6 @@ def our_service(type_name: str) -> Any:
             raise error from None
 
 
-def our_message(type_name: str) -> Any:
-    """Return our class of a message that ROS has built. Raises NotBuilt or DefinitionError."""
-    return message_of_ros(type_name, ros_class(type_name), ros_class)
-
-
 def service_hash(type_name: str, request: str, response: str) -> str:
     """Return the hash of a service whose request and response have these hashes.
 

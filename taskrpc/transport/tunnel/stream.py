@@ -52,7 +52,6 @@ class Stream:
         "peer",
         "state",
         "waiting_size",
-        "why_reset",
     )
 
     def __init__(self, peer: int, limit: int, window: int = WINDOW) -> None:
@@ -62,8 +61,6 @@ class Stream:
         """The datagrams to send now; the owner empties it."""
         self.ended = False
         """Whether the other end has sent everything, and all of it has arrived."""
-        self.why_reset = ""
-        """Why the connection was reset, for logs."""
         self.waiting_size = 0
         """Bytes that wait for credit."""
         self._waiting: deque[memoryview] = deque()
@@ -103,7 +100,7 @@ class Stream:
     def reset(self, reason: str) -> None:
         """End the connection at once; bytes that wait are lost."""
         if self.state is not State.RESET:
-            self._break(reason)
+            self._break()
             self.out.append(pack_reset(self.peer, reason))
 
     def read(self, count: int) -> None:
@@ -127,7 +124,7 @@ class Stream:
         if self.state is State.RESET or self.ended:
             return None  # after FIN, the program may still read what has arrived
         if kind == Kind.RST:
-            self._break("the other end has reset the connection")
+            self._break()
             return None
         if limit > self._limit:
             self._limit = limit
@@ -172,8 +169,7 @@ class Stream:
             self.state = State.FINISHED
             self.out.append(pack(Kind.FIN, self.peer, self._number, self._promised))
 
-    def _break(self, reason: str) -> None:
+    def _break(self) -> None:
         self.state = State.RESET
-        self.why_reset = reason
         self._waiting.clear()
         self.waiting_size = 0

@@ -8,12 +8,20 @@ import pytest
 import srvgen
 from srvgen.classes.loader import search
 from taskrpc.introspection import service_event
-from taskrpc.recording.calls import CALLS_TOPIC, CallReader, calls_of, is_about_calls
+from taskrpc.recording.calls import CALLS_TOPIC, CallReader, is_about_calls
 from taskrpc.recording.mcap_file import Recording, RecordingWriter
 from taskrpc.recording.schemas import schema_text
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 ADD_EVENT = "example_interfaces/srv/AddTwoInts_Event"
+
+
+def calls_of(path, **options):
+    """The calls of a recording, in the order of their start."""
+    reader = CallReader(**options)
+    for message in Recording(path).messages(keep=is_about_calls):
+        reader.take(message)
+    return sorted(reader.calls, key=lambda call: call.begin)
 
 
 def calls(tmp_path, *steps):
@@ -25,7 +33,7 @@ def calls(tmp_path, *steps):
         event = service_event(Add, step, at, [client] * 16, number, **message)
         writer.write(topic, srvgen.to_cdr(event), at)
     writer.close()
-    return calls_of(Recording(writer.path))
+    return calls_of(writer.path)
 
 
 ASK, TELL = {"request": Add.Request(a=2, b=3)}, {"response": Add.Response(sum=5)}
@@ -58,7 +66,7 @@ def test_call_without_a_response_is_open(tmp_path):
 
 
 async def test_end_that_the_server_recorded_names_the_client(recorded_run):
-    found = calls_of(Recording(recorded_run))
+    found = calls_of(recorded_run)
     assert {call.client for call in found} == {"/ada"}
     assert found[0].request == "task_type=move target=warehouse priority=5"
     assert found[0].task_id == 1
@@ -66,15 +74,10 @@ async def test_end_that_the_server_recorded_names_the_client(recorded_run):
 
 
 async def test_reader_without_texts_finds_the_same_calls(recorded_run):
-    found = {}
-    for texts in (True, False):
-        reader = CallReader(texts=texts)
-        for message in Recording(recorded_run).messages(keep=is_about_calls):
-            reader.take(message)
-        found[texts] = reader.calls
-    assert any(call.request for call in found[True])
-    plain = [msgspec.structs.replace(call, request="", response="") for call in found[True]]
-    assert found[False] == plain
+    found = calls_of(recorded_run)
+    assert any(call.request for call in found)
+    plain = [msgspec.structs.replace(call, request="", response="") for call in found]
+    assert calls_of(recorded_run, texts=False) == plain
 
 
 @pytest.mark.parametrize("data", [b"{", b"\xff", b"[" * 100_000, b'{"number": 2}'])
@@ -82,4 +85,4 @@ def test_damaged_line_about_a_call_is_left_out(tmp_path, data):
     writer = RecordingWriter(tmp_path / "a.mcap")
     writer.write(writer.add_json_topic(CALLS_TOPIC), data, 1)
     writer.close()
-    assert calls_of(Recording(writer.path)) == []
+    assert calls_of(writer.path) == []
