@@ -1,4 +1,8 @@
-"""Nodes: the class that programs derive from, with the methods that create everything else."""
+"""Nodes: the class that programs derive from, with the methods that create everything else.
+
+Its methods for parameters and for the graph are in `_impl.parameters.node_methods` and
+`_impl.graph.node_graph`.
+"""
 
 from __future__ import annotations
 
@@ -12,19 +16,17 @@ from ._impl.arguments import Arguments, Remapping, parse
 from ._impl.bridge import Bridge
 from ._impl.diagnostics import watchdog
 from ._impl.execution.entity import callback_name, current_callback
-from ._impl.graph.node_graph import NamesAndTypes, NodeGraph
+from ._impl.graph.node_graph import GraphMethods
 from ._impl.log.rosout import Rosout
 from ._impl.node_entities import NodeEntities
 from ._impl.node_interface import NodeHandle
-from ._impl.parameters.callbacks import OnSetCallback, PostSetCallback, PreSetCallback
-from ._impl.parameters.checks import RELATIVE_TOLERANCE
+from ._impl.parameters.node_methods import ParameterMethods
 from ._impl.parameters.node_parameters import NodeParameters
 from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from .client import Client
 from .clock import Clock, ROSClock
 from .context import Context
-from .endpoint_info import ServiceEndpointInfo, TopicEndpointInfo
 from .exceptions import NotInitializedException
 from .guard_condition import GuardCondition
 from .impl.rcutils_logger import RcutilsLogger
@@ -67,7 +69,7 @@ class _Unset:
         )
 
 
-class Node:
+class Node(ParameterMethods, GraphMethods):
     """A participant: has services, clients, publishers, subscriptions, timers and parameters.
 
     Its callbacks run while a thread spins it. It exists until `destroy_node`, or until the shutdown
@@ -87,9 +89,6 @@ class Node:
         enable_logger_service: whether other programs may get and set the levels of its loggers.
     """
 
-    PARAM_REL_TOL = RELATIVE_TOLERANCE
-    """The relative tolerance of floats at the ends and the steps of their range."""
-
     def __init__(
         self,
         node_name: str,
@@ -107,7 +106,6 @@ class Node:
         enable_logger_service: bool = False,
     ) -> None:
         self._rclpy_entities = NodeEntities(self)
-        self._rclpy_graph = NodeGraph(self)
         self._default_callback_group = MutuallyExclusiveCallbackGroup()
         self._context = get_default_context() if context is None else context
         self._rclpy_executor = None
@@ -139,18 +137,6 @@ class Node:
             self._logging_service = LoggingService(self)
         watchdog.watch(self)
 
-    def _rclpy_keep(self, parameters: NodeParameters) -> None:
-        """Keep the parameters, also under the private names of rclpy, which some programs use."""
-        self._rclpy_parameters = parameters
-        self._parameters = parameters.parameters
-        self._descriptors = parameters.descriptors
-        self._parameter_overrides = parameters.overrides
-        self._parameter_event_publisher = parameters.event_publisher
-        self._pre_set_parameters_callbacks = parameters.pre_set_callbacks
-        self._on_set_parameters_callbacks = parameters.on_set_callbacks
-        self._post_set_parameters_callbacks = parameters.post_set_callbacks
-        self._parameters_callbacks = parameters.on_set_callbacks  # the name in ROS 2 Humble
-
     def _rclpy_join(self, node_name: str, namespace: str, given: list[Arguments]) -> NodeHandle:
         """Join the network under the name and the namespace after remapping."""
         remapping = Remapping(rule for one in given for rule in one.remaps)
@@ -166,7 +152,6 @@ class Node:
     _rclpy_handle: NodeHandle = _Unset()  # type: ignore[assignment]
     _rclpy_executor: Any = _Unset()
     _rclpy_entities: NodeEntities = _Unset()  # type: ignore[assignment]
-    _rclpy_graph: NodeGraph = _Unset()  # type: ignore[assignment]
     _rclpy_parameters: NodeParameters = _Unset()  # type: ignore[assignment]
     _default_callback_group: CallbackGroup = _Unset()  # type: ignore[assignment]
     _parameters: dict[str, Parameter] = _Unset()  # type: ignore[assignment]
@@ -452,263 +437,6 @@ class Node:
     def destroy_rate(self, rate: Rate) -> bool:
         """Destroy a rate and wake its sleepers; returns whether it belonged to this node."""
         return self._rclpy_entities.destroy_rate(rate)
-
-    # Graph
-
-    def get_node_names(self) -> list[str]:
-        """The names of all nodes."""
-        return self._rclpy_graph.get_node_names()
-
-    def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
-        """The name and namespace of every node."""
-        return self._rclpy_graph.get_node_names_and_namespaces()
-
-    def get_node_names_and_namespaces_with_enclaves(self) -> list[tuple[str, str, str]]:
-        """The name, namespace and enclave (always `/`) of every node."""
-        return self._rclpy_graph.get_node_names_and_namespaces_with_enclaves()
-
-    def get_fully_qualified_node_names(self) -> list[str]:
-        """`/namespace/name` of every node."""
-        return self._rclpy_graph.get_fully_qualified_node_names()
-
-    def get_topic_names_and_types(self, no_demangle: bool = False) -> NamesAndTypes:
-        """All topics with their types; `no_demangle` shows names as DDS has them (`rt/…`)."""
-        return self._rclpy_graph.get_topic_names_and_types(no_demangle)
-
-    def get_service_names_and_types(self) -> NamesAndTypes:
-        """All services with their types."""
-        return self._rclpy_graph.get_service_names_and_types()
-
-    def get_publisher_names_and_types_by_node(
-        self, node_name: str, node_namespace: str, no_demangle: bool = False
-    ) -> NamesAndTypes:
-        """The topics that a node publishes; raises NodeNameNonExistentError for an unknown node."""
-        return self._rclpy_graph.get_publisher_names_and_types_by_node(
-            node_name, node_namespace, no_demangle
-        )
-
-    def get_subscriber_names_and_types_by_node(
-        self, node_name: str, node_namespace: str, no_demangle: bool = False
-    ) -> NamesAndTypes:
-        """The topics that a node subscribes to; NodeNameNonExistentError for an unknown node."""
-        return self._rclpy_graph.get_subscriber_names_and_types_by_node(
-            node_name, node_namespace, no_demangle
-        )
-
-    def get_service_names_and_types_by_node(
-        self, node_name: str, node_namespace: str
-    ) -> NamesAndTypes:
-        """The services that a node offers; raises NodeNameNonExistentError for an unknown node."""
-        return self._rclpy_graph.get_service_names_and_types_by_node(node_name, node_namespace)
-
-    def get_client_names_and_types_by_node(
-        self, node_name: str, node_namespace: str
-    ) -> NamesAndTypes:
-        """The services that a node calls; raises NodeNameNonExistentError for an unknown node."""
-        return self._rclpy_graph.get_client_names_and_types_by_node(node_name, node_namespace)
-
-    def count_publishers(self, topic_name: str) -> int:
-        """How many publishers a topic has."""
-        return self._rclpy_graph.count_publishers(topic_name)
-
-    def count_subscribers(self, topic_name: str) -> int:
-        """How many subscriptions a topic has."""
-        return self._rclpy_graph.count_subscribers(topic_name)
-
-    def count_clients(self, service_name: str) -> int:
-        """How many clients a service has."""
-        return self._rclpy_graph.count_clients(service_name)
-
-    def count_services(self, service_name: str) -> int:
-        """How many servers a service has."""
-        return self._rclpy_graph.count_services(service_name)
-
-    def get_publishers_info_by_topic(
-        self, topic_name: str, no_mangle: bool = False
-    ) -> list[TopicEndpointInfo]:
-        """Every publisher of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
-        return self._rclpy_graph.get_publishers_info_by_topic(topic_name, no_mangle)
-
-    def get_subscriptions_info_by_topic(
-        self, topic_name: str, no_mangle: bool = False
-    ) -> list[TopicEndpointInfo]:
-        """Every subscription of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
-        return self._rclpy_graph.get_subscriptions_info_by_topic(topic_name, no_mangle)
-
-    def get_servers_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
-        """Every server of a service."""
-        return self._rclpy_graph.get_servers_info_by_service(service_name)
-
-    def get_clients_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
-        """Every client of a service."""
-        return self._rclpy_graph.get_clients_info_by_service(service_name)
-
-    def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
-        """Wait for a node, at most `timeout` seconds; returns whether it is there."""
-        return self._rclpy_graph.wait_for_node(fully_qualified_node_name, timeout)
-
-    # Parameters
-
-    def declare_parameter(
-        self,
-        name: str,
-        value: Any = None,
-        descriptor: Any = None,
-        ignore_override: bool = False,
-    ) -> Parameter:
-        """Declare a parameter by its default value, or by its type alone (`Parameter.Type.…`).
-
-        An override from the command line, a file or the constructor takes precedence over the
-        default. The type is fixed from now on, unless the descriptor has `dynamic_typing`.
-
-        Raises:
-            ParameterAlreadyDeclaredException: a parameter of this name is declared.
-            InvalidParameterException: the name is empty.
-            InvalidParameterTypeException: an override has another type.
-            InvalidParameterValueException: the descriptor's range or a callback refuses the value.
-        """
-        return self._rclpy_parameters.declare_parameter(name, value, descriptor, ignore_override)
-
-    def declare_parameters(
-        self,
-        namespace: str,
-        parameters: Sequence[tuple[Any, ...]],
-        ignore_override: bool = False,
-    ) -> list[Parameter]:
-        """Declare several: tuples of name, value or type, descriptor; the last two are optional.
-
-        A namespace and a dot are put before every name. When one is refused, those before it stay
-        declared. Raises as `declare_parameter` does, and TypeError for a tuple of
-        another form.
-        """
-        return self._rclpy_parameters.declare_parameters(namespace, parameters, ignore_override)
-
-    def undeclare_parameter(self, name: str) -> None:
-        """Remove a parameter.
-
-        Raises ParameterNotDeclaredException for an undeclared one, ParameterImmutableException for
-        a read-only one.
-        """
-        self._rclpy_parameters.undeclare_parameter(name)
-
-    def has_parameter(self, name: str) -> bool:
-        """Whether a parameter is declared."""
-        return self._rclpy_parameters.has_parameter(name)
-
-    def get_parameter_types(self, names: Sequence[str]) -> list[Any]:
-        """The types of parameters. Raises as `get_parameter_type` does."""
-        return self._rclpy_parameters.get_parameter_types(names)
-
-    def get_parameter_type(self, name: str) -> Any:
-        """The number of the type of a parameter; NOT_SET for an undeclared one if allowed.
-
-        Raises ParameterNotDeclaredException if they are not.
-        """
-        return self._rclpy_parameters.get_parameter_type(name)
-
-    def get_parameters(self, names: Sequence[str]) -> list[Parameter]:
-        """Several parameters. Raises as `get_parameter` does."""
-        return self._rclpy_parameters.get_parameters(names)
-
-    def get_parameter(self, name: str) -> Parameter:
-        """A parameter; `.value` has its value.
-
-        Raises ParameterNotDeclaredException unless undeclared ones are allowed, and
-        ParameterUninitializedException for one that was declared by its type and never set.
-        """
-        return self._rclpy_parameters.get_parameter(name)
-
-    def get_parameter_or(self, name: str, alternative_value: Parameter | None = None) -> Parameter:
-        """A parameter, or the alternative if the parameter is not declared or not set."""
-        return self._rclpy_parameters.get_parameter_or(name, alternative_value)
-
-    def get_parameters_by_prefix(self, prefix: str) -> dict[str, Parameter]:
-        """The parameters of a group by their names in it; all for an empty prefix."""
-        return self._rclpy_parameters.get_parameters_by_prefix(prefix)
-
-    def set_parameters(self, parameter_list: Sequence[Parameter]) -> list[Any]:
-        """Set one after the other; the results say which were set, and why others were not.
-
-        Raises ParameterNotDeclaredException at the first undeclared one, unless these are allowed.
-        """
-        return self._rclpy_parameters.set_parameters(parameter_list)
-
-    def set_parameters_atomically(self, parameter_list: Sequence[Parameter]) -> Any:
-        """Set all or none; the result says whether they were set, and why not.
-
-        Raises ParameterNotDeclaredException for undeclared ones, unless these are allowed.
-        """
-        return self._rclpy_parameters.set_parameters_atomically(parameter_list)
-
-    def list_parameters(self, prefixes: list[str], depth: int) -> Any:
-        """The names of parameters and of their groups, as a ListParametersResult.
-
-        Args:
-            prefixes: only these parameters and groups; all if the list is empty.
-            depth: how many levels to list below them; 0 for all.
-
-        Raises:
-            TypeError: the prefixes are not a list of names, or the depth is not a number.
-            ValueError: the depth is negative.
-        """
-        return self._rclpy_parameters.list_parameters(prefixes, depth)
-
-    def describe_parameter(self, name: str) -> Any:
-        """The descriptor of a parameter; an empty one for an undeclared one if these are allowed.
-
-        Raises ParameterNotDeclaredException if they are not.
-        """
-        return self._rclpy_parameters.describe_parameter(name)
-
-    def describe_parameters(self, names: Sequence[str]) -> list[Any]:
-        """Several descriptors. Raises as `describe_parameter` does."""
-        return self._rclpy_parameters.describe_parameters(names)
-
-    def set_descriptor(self, name: str, descriptor: Any, alternative_value: Any = None) -> Any:
-        """Replace the descriptor of a parameter; returns its ParameterValue afterwards.
-
-        Args:
-            name: the name of the parameter; the name in the descriptor is ignored.
-            descriptor: the rules for its values from now on.
-            alternative_value: a ParameterValue to set if the present one does not fit.
-
-        Raises:
-            ParameterNotDeclaredException: it is not declared, and undeclared ones are not allowed.
-            ParameterImmutableException: it is read-only.
-            InvalidParameterValueException: neither value fits.
-        """
-        return self._rclpy_parameters.set_descriptor(name, descriptor, alternative_value)
-
-    def add_pre_set_parameters_callback(self, callback: PreSetCallback) -> None:
-        """Add a callback that may change the parameters to set, before they are checked.
-
-        It receives a list of parameters and returns the list to set instead. It runs for every
-        setting and for no declaration.
-        """
-        self._rclpy_parameters.add_pre_set_parameters_callback(callback)
-
-    def add_on_set_parameters_callback(self, callback: OnSetCallback) -> None:
-        """Add a callback that accepts or rejects values: it returns a SetParametersResult.
-
-        It runs for every setting and declaration; the callback that was added last runs first.
-        """
-        self._rclpy_parameters.add_on_set_parameters_callback(callback)
-
-    def add_post_set_parameters_callback(self, callback: PostSetCallback) -> None:
-        """Add a callback that receives the parameters that were set or declared."""
-        self._rclpy_parameters.add_post_set_parameters_callback(callback)
-
-    def remove_pre_set_parameters_callback(self, callback: PreSetCallback) -> None:
-        """Remove a callback. Raises ValueError for one that was not added."""
-        self._rclpy_parameters.remove_pre_set_parameters_callback(callback)
-
-    def remove_on_set_parameters_callback(self, callback: OnSetCallback) -> None:
-        """Remove a callback. Raises ValueError for one that was not added."""
-        self._rclpy_parameters.remove_on_set_parameters_callback(callback)
-
-    def remove_post_set_parameters_callback(self, callback: PostSetCallback) -> None:
-        """Remove a callback. Raises ValueError for one that was not added."""
-        self._rclpy_parameters.remove_post_set_parameters_callback(callback)
 
     # Internal
 

@@ -100,12 +100,6 @@ class NodeInterface(Protocol):
     def resolve_service_name(self, service: str) -> str:
         """The absolute name of a service, after remapping."""
 
-    def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
-        """The name and the namespace of every visible node."""
-
-    def get_fully_qualified_node_names(self) -> list[str]:
-        """`/namespace/name` of every visible node."""
-
     @property
     def create_timer(self) -> Callable[..., Any]:
         """Creates a timer."""
