@@ -10,11 +10,14 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from srvgen.files.search import BUNDLED
 from taskrpc.errors import TaskRpcError, TypeMismatch
 from taskrpc.transport.codec import KEPT_CLASSES
 
 _OURS = Path(__file__).resolve().parents[2] / "rclpy"
 _PARTS = ("context", "node", "executors", "qos", "event_handler", "serialization", "parameter")
+_TASKRPC_PACKAGES = ("my_robot_interfaces", "taskrpc_interfaces")
+"""The bundled packages that do not belong to ROS."""
 
 
 class NotBuilt(TypeMismatch):
@@ -22,13 +25,23 @@ class NotBuilt(TypeMismatch):
 
     def __init__(self, type_name: str) -> None:
         package = type_name.partition("/")[0]
-        distribution = os.environ.get("ROS_DISTRO") or "$ROS_DISTRO"
         self.package = package
-        super().__init__(
-            f"ROS has not built the package {package} of {type_name}; build it with `colcon build`"
-            " and source the workspace, or install"
-            f" ros-{distribution}-{package.replace('_', '-')} with apt"
+        problem = f"ROS has not built the package {package} of {type_name}"
+        super().__init__(f"{problem}; {_advice(package)}")
+
+
+def _advice(package: str) -> str:
+    """Return how to get a package for ROS: only those of ROS itself can be installed."""
+    if package in _TASKRPC_PACKAGES or not (BUNDLED / package).is_dir():
+        return (
+            "build the workspace that has this package with `colcon build`, and source its"
+            " install/setup.bash (`taskrpc export colcon` makes a workspace)"
         )
+    name = package.replace("_", "-")
+    distribution = os.environ.get("ROS_DISTRO")
+    if distribution:  # ROS's setup file sets it
+        return f"install it: apt install ros-{distribution}-{name}"
+    return f"install it: pip install ros-{name}, or with apt ros-$ROS_DISTRO-{name}"
 
 
 def real_rclpy() -> Any:

@@ -61,15 +61,28 @@ def test_generated_class_is_found(monkeypatch):
     assert ros_class("door_msgs/srv/Open") is module.Open
 
 
-def test_package_that_ros_has_not_built_is_named_with_the_commands(monkeypatch):
+@pytest.mark.parametrize("package", ["door_msgs", "my_robot_interfaces", "taskrpc_interfaces"])
+def test_package_of_the_user_is_to_be_built_and_not_installed(monkeypatch, package):
     monkeypatch.setenv("ROS_DISTRO", "kilted")
     with pytest.raises(NotBuilt) as caught:
-        ros_class("door_msgs/srv/Open")
+        ros_class(f"{package}/srv/Open")
     text = str(caught.value)
-    assert "the package door_msgs of door_msgs/srv/Open" in text
+    assert f"ROS has not built the package {package} of {package}/srv/Open; build" in text
     assert "`colcon build`" in text
-    assert "ros-kilted-door-msgs" in text
+    assert "taskrpc export colcon" in text
+    assert "install it" not in text
     assert isinstance(caught.value, TypeMismatch)  # calls end with it at once, without retries
+
+
+@pytest.mark.parametrize(
+    ("distribution", "command"),
+    [("kilted", "apt install ros-kilted-nav-msgs"), ("", "pip install ros-nav-msgs")],
+)
+def test_package_of_ros_is_to_be_installed(monkeypatch, distribution, command):
+    monkeypatch.setenv("ROS_DISTRO", distribution)
+    problem = "ROS has not built the package nav_msgs of nav_msgs/srv/GetMap"
+    with pytest.raises(NotBuilt, match=f"{problem}; install it: {command}"):
+        ros_class("nav_msgs/srv/GetMap")
 
 
 def test_class_of_the_import_hook_does_not_count_as_built(monkeypatch):
