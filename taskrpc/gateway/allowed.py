@@ -19,6 +19,8 @@ _OF_EVERY_NODE = (
 )
 """The services that every node of ROS has; with them a caller can change any node."""
 
+_PATTERN = re.compile(r"/?(?:[A-Za-z0-9_*?]+/)*[A-Za-z0-9_*?]+")
+
 
 class Allowed:
     """A list of names with `*` and `?`, such as `/arm/*`; `*` stands for slashes too.
@@ -26,10 +28,12 @@ class Allowed:
     Hidden names (a part begins with `_`) are never allowed. A pattern allows one of the services
     that every node of ROS has only if the pattern itself ends with its name, such as
     `/arm/get_parameters`.
+
+    Raises ValueError for a pattern that can match no name.
     """
 
     def __init__(self, patterns: Iterable[str]) -> None:
-        absolute = [each if each.startswith(("/", "*")) else f"/{each}" for each in patterns]
+        absolute = [_absolute(each) for each in patterns]
         self._patterns = [(re.compile(translate(each)), _last_part(each)) for each in absolute]
 
     def __contains__(self, name: str) -> bool:
@@ -40,6 +44,15 @@ class Allowed:
             pattern.match(name) and (end not in _OF_EVERY_NODE or end == last)
             for pattern, last in self._patterns
         )
+
+
+def _absolute(pattern: str) -> str:
+    if not _PATTERN.fullmatch(pattern):
+        raise ValueError(f"expected a name such as /arm/open or '/arm/*', got {pattern!r}")
+    if pattern.startswith("_") or "/_" in pattern:
+        problem = "expected no part that begins with _, because hidden names are never allowed"
+        raise ValueError(f"{problem}; got {pattern!r}")
+    return pattern if pattern.startswith(("/", "*")) else f"/{pattern}"
 
 
 def _last_part(name: str) -> str:

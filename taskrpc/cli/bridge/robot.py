@@ -21,9 +21,9 @@ def configure(ros: argparse.ArgumentParser) -> None:
     what = "the address for calls (127.0.0.1:0)"
     add("--listen", metavar="HOST:PORT", type=remote.any_place, help=what)
     what = "let callers use the services of this name, such as '/arm/*'; may be given several times"
-    add("--allow", metavar="NAME", action="append", default=[], help=what)
+    add("--allow", metavar="NAME", type=_name, action="append", default=[], help=what)
     what = "let callers subscribe to the topics of this name; may be given several times"
-    add("--allow-topic", metavar="NAME", action="append", default=[], help=what)
+    add("--allow-topic", metavar="NAME", type=_name, action="append", default=[], help=what)
     what = "the most calls per second of one account (20)"
     above = number("above 0", lambda value: value > 0)
     add("--rate", metavar="N", type=above, default=20.0, help=what)
@@ -41,6 +41,17 @@ def configure(ros: argparse.ArgumentParser) -> None:
     # For robots on another middleware than ROS, and for tests.
     add("--transport", default="ros", help=argparse.SUPPRESS)
     ros.set_defaults(run=_ros, connect=None)
+
+
+def _name(text: str) -> str:
+    """Return a name that may have `*` and `?`. Raises argparse's ArgumentTypeError."""
+    from taskrpc.gateway import Allowed  # imports much, so only this command does
+
+    try:
+        Allowed([text])
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return text
 
 
 def _ros(options: argparse.Namespace) -> int:

@@ -32,3 +32,15 @@ from taskrpc.gateway import Allowed
 )
 def test_names(patterns, name, allowed):
     assert (name in Allowed(patterns)) is allowed
+
+
+@pytest.mark.parametrize("pattern", ["", " ", "/", "/arm/", "//arm", "/arm/*,/door", "/arm open"])
+def test_pattern_that_matches_no_name_is_refused(pattern):
+    with pytest.raises(ValueError, match="expected a name such as /arm/open or '/arm/\\*', got '"):
+        Allowed(["/arm/*", pattern])
+
+
+@pytest.mark.parametrize("pattern", ["_secret", "/_secret", "/arm/_*"])
+def test_pattern_for_hidden_names_is_refused(pattern):
+    with pytest.raises(ValueError, match="hidden names are never allowed; got '"):
+        Allowed([pattern])

@@ -22,6 +22,9 @@ from taskrpc.transport.shared_endpoint import Registration
     ("options", "status", "problem"),
     [
         ([], 2, "expected --allow NAME or --allow-topic NAME"),
+        (["--allow", ""], 2, "argument --allow: expected a name such as /arm/open"),
+        (["--allow", "/arm/*,/door"], 2, "'/arm/*', got '/arm/*,/door'"),
+        (["--allow-topic", ""], 2, "argument --allow-topic: expected a name such as /arm/open"),
         (["--allow", "*", "--rate", "0"], 2, "argument --rate: expected a number above 0"),
         (["--allow", "*", "--in-flight", "0"], 2, "argument --in-flight: expected"),
         (["--allow", "*", "--transport", "pigeon"], 1, "transport: expected "),
