@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Literal, TypeAlias
+from collections.abc import Collection
+from typing import Literal, Protocol, TypeAlias
 
 import msgspec
 
@@ -53,6 +54,29 @@ def qos_of(qos: QoS | int) -> QoS:
     Raises ValueError.
     """
     return qos if isinstance(qos, QoS) else QoS(qos)
+
+
+class Offer(Protocol):
+    """What a publisher offers."""
+
+    @property
+    def reliable(self) -> bool:
+        """Whether its reliability is `reliable`."""
+
+    @property
+    def latched(self) -> bool:
+        """Whether its durability is `transient_local`."""
+
+
+def qos_for_all(publishers: Collection[Offer], depth: int) -> QoS:
+    """Return the QoS of a subscription that matches all publishers, as ROS's tools choose it."""
+    reliable = all(each.reliable for each in publishers)
+    latched = bool(publishers) and all(each.latched for each in publishers)
+    return QoS(
+        depth,
+        "reliable" if reliable else "best_effort",
+        "transient_local" if latched else "volatile",
+    )
 
 
 def _check(field: str, value: str, expected: tuple[str, ...]) -> None:

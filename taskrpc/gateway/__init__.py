@@ -1,7 +1,8 @@
 """The gateway of a lab: laptops without ROS call the robot's services over TCP.
 
-Start with `gateway`. `allowed` and `account_limits` are pure: which names laptops may use, and how
-many calls of one account reach the robot.
+Start with `gateway`. The other modules are pure: `allowed` says which names laptops may use,
+`account_limits` how many calls of one account reach the robot, and `robot_topics` with which
+quality of service the gateway subscribes and publishes.
 """
 
 from taskrpc.gateway.account_limits import AccountLimits

@@ -14,8 +14,8 @@ from taskrpc.deferred import DeferredCall, DeferredService
 from taskrpc.errors import DeadlineExceeded, NameInUse, OutcomeUnknown, ServerBusy, TaskRpcError
 from taskrpc.gateway.account_limits import AccountLimits
 from taskrpc.gateway.allowed import Allowed
+from taskrpc.gateway.robot_topics import RobotTopic, topics_of
 from taskrpc.node import Node
-from taskrpc.qos import QoS
 from taskrpc.topic import Publisher, Subscription
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
@@ -68,15 +68,18 @@ class Gateway:
     async def update(self) -> None:
         """Offer what the robot has now, and withdraw the rest."""
         services: dict[str, ServiceEndpoint] = {}
-        topics: dict[str, TopicEndpoint] = {}
+        publishers: list[TopicEndpoint] = []
         for entry in await self.robot.graph():
             services |= {each.name: each for each in entry.services if each.name in self._services}
-            topics |= {each.name: each for each in entry.publishers if each.name in self._topics}
+            publishers += [each for each in entry.publishers if each.name in self._topics]
+        topics = topics_of(publishers)
         for name in [name for name, each in self._offered.items() if each.is_over(services)]:
             self._offered.pop(name).close()
             log.info("%s has left the robot", name)
         for name in [name for name, each in self._published.items() if each.is_over(topics)]:
             self._published.pop(name).close()
+        for name, topic in self._published.items():
+            topic.update(topics[name])
         for name in services.keys() - self._offered.keys():
             await self._offer(services[name])
         for name in topics.keys() - self._published.keys():
@@ -95,7 +98,7 @@ class Gateway:
             self._reported.pop(found.name, None)
             log.info("offering %s [%s]", found.name, type_name)
 
-    def _publish(self, found: TopicEndpoint) -> None:
+    def _publish(self, found: RobotTopic) -> None:
         try:
             cls = srvgen.load(found.type_name)
             if found.type_hash not in ("", cls._HASH):
@@ -197,25 +200,32 @@ class _Service:
 class _Topic:
     """One topic of the robot, as the lab sees it."""
 
-    def __init__(self, gateway: Gateway, found: TopicEndpoint, msg_type: Any) -> None:
+    def __init__(self, gateway: Gateway, found: RobotTopic, msg_type: Any) -> None:
         self._found = found
-        qos = QoS(
-            reliability="reliable" if found.reliable else "best_effort",
-            durability="transient_local" if found.latched else "volatile",
+        self._publisher: Publisher[Any] = gateway.lab.create_publisher(
+            msg_type, found.name, found.offered
         )
-        self._publisher: Publisher[Any] = gateway.lab.create_publisher(msg_type, found.name, qos)
-        self._subscribe: Callable[[], Subscription[Any]] = partial(
-            gateway.robot.create_subscription, msg_type, found.name, self._arrived, qos
+        self._subscribe: Callable[..., Subscription[Any]] = partial(
+            gateway.robot.create_subscription, msg_type, found.name, self._arrived
         )
         self._subscription: Subscription[Any] | None = None
         """None while no laptop subscribes: then the robot sends nothing."""
         self._publisher.on_matched = self._matched
         self._matched()
 
-    def is_over(self, present: dict[str, TopicEndpoint]) -> bool:
-        """Whether the robot no longer publishes this topic, or with another type."""
+    def is_over(self, present: dict[str, RobotTopic]) -> bool:
+        """Whether the robot no longer publishes this topic, or what to offer has changed."""
         now = present.get(self._found.name)
-        return now is None or now.type_name != self._found.type_name
+        found = self._found
+        return now is None or (now.type_name, now.offered) != (found.type_name, found.offered)
+
+    def update(self, found: RobotTopic) -> None:
+        """Subscribe anew if the publishers need another quality of service."""
+        changed = found.requested != self._found.requested
+        self._found = found
+        if changed:
+            self._drop()
+            self._matched()
 
     def close(self) -> None:
         """Publish it no more."""
@@ -224,9 +234,10 @@ class _Topic:
         self._drop()
 
     def _matched(self) -> None:
-        wanted = self._found.latched or self._publisher.get_subscription_count() > 0
+        offered = self._found.offered
+        wanted = offered.is_latched or self._publisher.get_subscription_count() > 0
         if wanted and self._subscription is None:
-            self._subscription = self._subscribe()
+            self._subscription = self._subscribe(self._found.requested)
         elif not wanted:
             self._drop()
 

@@ -15,7 +15,7 @@ from srvgen.classes.loader import search
 from taskrpc import names
 from taskrpc.introspection import SUFFIX
 from taskrpc.message_types import MsgT
-from taskrpc.qos import QoS
+from taskrpc.qos import QoS, qos_for_all
 from taskrpc.recording.mcap_file import RecordingWriter
 from taskrpc.recording.schemas import EVENT, schema_text
 from taskrpc.transport.discovery.entries import RegistryEntry
@@ -132,11 +132,7 @@ class Recorder:
                 self._refused.add(topic)
                 log.warning("%s is not recorded: %s", topic, " ".join(str(error).split()))
             return False
-        qos = QoS(
-            _DEPTH,
-            "reliable" if all(each.reliable for each in publishers) else "best_effort",
-            "transient_local" if all(each.latched for each in publishers) else "volatile",
-        )
+        qos = qos_for_all(publishers, _DEPTH)
         offered = msgspec.structs.replace(qos, depth=max(1, min(first.depth, _DEPTH)))
         number = self._writer.add_topic(
             topic, first.type_name, schema, type_hash=first.type_hash, qos=offered

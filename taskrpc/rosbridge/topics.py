@@ -9,7 +9,7 @@ from typing import Any
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
-from taskrpc.qos import QoS
+from taskrpc.qos import QoS, qos_for_all
 from taskrpc.rosbridge.graph import Graph
 from taskrpc.rosbridge.protocol import Advertise, Id, Subscribe, Throttle, count_of, encode, split
 from taskrpc.rosbridge.types import message_class
@@ -58,13 +58,8 @@ class ClientSubscription:
         self._cls = message_class(operation.type or graph.type_of(topic))
         _check_type(topic, operation.type, self._cls, graph.type_of(topic))
         self.add(operation)
-        reliable = all(each.reliable for each in publishers)
-        latched = bool(publishers) and all(each.latched for each in publishers)
-        qos = QoS(
-            count_of(operation.queue_length, 100, _MAX_DEPTH) or 100,
-            "reliable" if reliable else "best_effort",
-            "transient_local" if latched else "volatile",
-        )
+        depth = count_of(operation.queue_length, 100, _MAX_DEPTH) or 100
+        qos = qos_for_all(publishers, depth)
         self._subscription = node.create_subscription(
             self._cls, operation.topic, self._arrived, qos, on_mismatch=on_mismatch
         )

@@ -1,9 +1,11 @@
 """A QoS is what ROS's names say, and nothing else is one."""
 
+from types import SimpleNamespace
+
 import pytest
 
 from taskrpc import QoS
-from taskrpc.qos import qos_of
+from taskrpc.qos import qos_for_all, qos_of
 
 
 def test_a_depth_alone_means_reliable_and_volatile():
@@ -25,3 +27,20 @@ def test_unknown_reliability_or_durability_is_refused_by_name():
         QoS(reliability="good")
     with pytest.raises(ValueError, match=r"durability: expected 'volatile' or 'transient_local'"):
         QoS(durability="latched")
+
+
+@pytest.mark.parametrize(
+    ("publishers", "expected"),
+    [
+        ([], QoS(5)),
+        ([QoS()], QoS(5)),
+        ([QoS(), QoS(reliability="best_effort")], QoS(5, "best_effort")),
+        ([QoS(durability="transient_local")], QoS(5, durability="transient_local")),
+        ([QoS(durability="transient_local"), QoS()], QoS(5)),
+    ],
+)
+def test_subscription_for_all_publishers_requests_no_more_than_each_offers(publishers, expected):
+    offers = [
+        SimpleNamespace(reliable=each.is_reliable, latched=each.is_latched) for each in publishers
+    ]
+    assert qos_for_all(offers, 5) == expected

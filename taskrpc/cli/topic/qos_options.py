@@ -60,16 +60,10 @@ def qos_to_publish(options: argparse.Namespace) -> QoS:
 
 def qos_to_subscribe(options: argparse.Namespace, publishers: Sequence[TopicEndpoint]) -> QoS:
     """Return the QoS that matches all publishers, changed by the options."""
-    reliable = all(each.reliable for each in publishers)
-    latched = bool(publishers) and all(each.latched for each in publishers)
-    return _over(
-        options,
-        (
-            100,
-            "reliable" if reliable else "best_effort",
-            "transient_local" if latched else "volatile",
-        ),
-    )
+    from taskrpc.qos import qos_for_all
+
+    qos = qos_for_all(publishers, 100)
+    return _over(options, (qos.depth, qos.reliability, qos.durability))
 
 
 def _over(options: argparse.Namespace, default: Profile) -> QoS:

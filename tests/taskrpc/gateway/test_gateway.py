@@ -217,3 +217,40 @@ async def test_topic_whose_type_is_not_known_here_is_reported_once(lab, caplog):
     lab.robot.create_publisher(door, "/arm/status")
     await asyncio.sleep(6 * LOOK)
     assert caplog.text.count("cannot offer /arm/status: ") == 1
+
+
+BEST_EFFORT = taskrpc.QoS(reliability="best_effort")
+
+
+@pytest.mark.parametrize("order", [(taskrpc.QoS(), BEST_EFFORT), (BEST_EFFORT, taskrpc.QoS())])
+async def test_reliable_laptop_gets_the_messages_of_all_publishers(lab, order):
+    publishers = [lab.robot.create_publisher(String, "/arm/status", qos) for qos in order]
+    got = []
+    lab.laptop.create_subscription(String, "/arm/status", lambda each: got.append(each.data))
+    await asyncio.sleep(4 * LOOK)
+    for number, publisher in enumerate(publishers):
+        publisher.publish(String(data=str(number)))
+    await asyncio.sleep(1)
+    assert sorted(got) == ["0", "1"]
+
+
+async def test_publisher_that_joins_with_best_effort_is_received_too(lab):
+    first = lab.robot.create_publisher(String, "/arm/status")
+    got = []
+    lab.laptop.create_subscription(String, "/arm/status", lambda each: got.append(each.data))
+    await asyncio.sleep(4 * LOOK)
+    second = lab.robot.create_publisher(String, "/arm/status", BEST_EFFORT)
+    await asyncio.sleep(3 * LOOK)
+    for number, publisher in enumerate((first, second)):
+        publisher.publish(String(data=str(number)))
+    await asyncio.sleep(1)
+    assert sorted(got) == ["0", "1"]
+
+
+async def test_latched_messages_of_the_robot_reach_later_laptops(lab):
+    latched = taskrpc.QoS(1, durability="transient_local")
+    lab.robot.create_publisher(String, "/arm/status", latched).publish(String(data="map"))
+    await asyncio.sleep(3 * LOOK)
+    got = asyncio.Queue()
+    lab.laptop.create_subscription(String, "/arm/status", got.put_nowait, latched)
+    assert (await got.get()).data == "map"
