@@ -33,7 +33,7 @@ _SILENCE, _DEAD_AFTER = 20.0, 60.0
 acknowledgement after which it ends the connection. Pings of WebSocket would be shorter, but some
 clients answer them only while their program waits for a message."""
 _CLOSE_TIMEOUT = 0.5
-"""Seconds for a client to read that the server ends, and to confirm it."""
+"""Seconds for a client to read its last responses and that the server ends, and to confirm it."""
 _ENDING = "the server is ending"
 
 
@@ -82,7 +82,10 @@ class RosbridgeServer:
         return socket
 
     async def close(self) -> None:
-        """Tell all clients that the server ends, and close their connections; accept no more."""
+        """Tell all clients that the server ends, and close their connections; accept no more.
+
+        Calls in flight get a response first.
+        """
         self._is_closed = True
         await asyncio.gather(*(client.close() for client in list(self._clients)))
 
@@ -108,6 +111,9 @@ class _ClientConnection:
         """Characters in `_waiting`."""
         self._wake = asyncio.Event()
         """Set while there is something to send."""
+        self._all_written = asyncio.Event()
+        """Set while no text waits."""
+        self._all_written.set()
         self._is_ending = False
 
     async def serve(self) -> None:
@@ -128,6 +134,9 @@ class _ClientConnection:
         """End the connection with the code 1001; a client that does not read gets no more time."""
         with contextlib.suppress(ConnectionError, TimeoutError):
             async with asyncio.timeout(_CLOSE_TIMEOUT):
+                await asyncio.sleep(0)  # calls that have just ended get their response
+                self._session.end()
+                await self._all_written.wait()
                 await self._socket.close(code=WSCloseCode.GOING_AWAY, message=_ENDING.encode())
         if self._transport is not None:
             self._transport.abort()
@@ -151,6 +160,7 @@ class _ClientConnection:
         self._waiting.append(text)
         self._waiting_size += len(text)
         self._wake.set()
+        self._all_written.clear()
         if self._unread > _MAX_UNREAD:
             log.warning("closed the connection of %s: it does not read its messages", self._peer)
             self._is_ending = True
@@ -174,6 +184,7 @@ class _ClientConnection:
                     self._waiting_size -= len(text)
                     await self._socket.send_str(text)
                 self._wake.clear()
+                self._all_written.set()
                 self._session.drained()
                 if not self._waiting:
                     await self._wake.wait()

@@ -12,7 +12,13 @@ from typing import Any, Protocol, TypeAlias
 
 import srvgen
 from taskrpc.client import DEFAULT_TIMEOUT
-from taskrpc.errors import ServerBusy, TaskRpcError, TypeMismatch
+from taskrpc.errors import (
+    OutcomeUnknown,
+    ServerBusy,
+    ServiceUnavailable,
+    TaskRpcError,
+    TypeMismatch,
+)
 from taskrpc.node import Node
 from taskrpc.rosbridge import protocol
 from taskrpc.rosbridge.graph import graph_of
@@ -43,6 +49,7 @@ _REMEMBERED = 10.0
 
 _REFUSALS = (TaskRpcError, srvgen.DefinitionError, srvgen.FieldError)
 """Errors whose text tells the client what is wrong."""
+_ENDS = "the gateway ends"
 
 _Handler: TypeAlias = Callable[[Any], Coroutine[Any, Any, None]]
 
@@ -80,7 +87,8 @@ class Session:
     """Serves one client.
 
     `send` sends a text to the client and returns at once. `is_behind` returns whether the client
-    has much to read; call `drained` when it has read it. Call `close` at the end.
+    has much to read; call `drained` when it has read it. Call `end` before the gateway ends the
+    connection, and `close` when the connection has ended.
     """
 
     def __init__(
@@ -93,7 +101,9 @@ class Session:
         self._level: Level = "error"
         """The least severe statuses that the client gets."""
         self._fragments = protocol.Fragments()
-        self._calls: set[asyncio.Future[Any]] = set()
+        self._calls: dict[asyncio.Future[Any], protocol.CallService] = {}
+        """The calls in flight, with what the client has sent."""
+        self._is_ending = False
         self._rosapi_calls = asyncio.Semaphore(MAX_ROSAPI_CALLS)
         # By absolute name:
         self._subscriptions: dict[str, ClientSubscription] = {}
@@ -150,6 +160,14 @@ class Session:
         for subscription in list(self._subscriptions.values()):
             subscription.drained()
 
+    def end(self) -> None:
+        """Respond to the calls in flight, because the gateway ends; refuse later ones."""
+        self._is_ending = True
+        for call in [call for call in self._calls if not call.done()]:
+            operation = self._calls.pop(call)
+            self._failed(operation, OutcomeUnknown(f"{_ENDS}; the call may have run"))
+            call.cancel()
+
     def close(self) -> None:
         """End everything that the client has begun."""
         for call in list(self._calls):
@@ -178,6 +196,9 @@ class Session:
     # Services that the client calls
 
     async def _call_service(self, operation: protocol.CallService) -> None:
+        if self._is_ending:
+            self._failed(operation, ServiceUnavailable(f"{_ENDS}; the call has not run"))
+            return
         if len(self._calls) >= MAX_CALLS:
             problem = f"expected at most {MAX_CALLS} calls at a time"
             self._failed(operation, ServerBusy(problem))
@@ -197,14 +218,14 @@ class Session:
             return
         # No task of its own: that would cost the call two more turns of the event loop.
         deadline = None if timeout is None else self._loop.time() + timeout
-        self._calls.add(call)
+        self._calls[call] = operation
         call.add_done_callback(partial(self._answered, operation, deadline))
 
     def _begin_task(
         self, operation: protocol.CallService, call: Coroutine[Any, Any, dict[str, Any]]
     ) -> None:
         task = self._loop.create_task(call)
-        self._calls.add(task)
+        self._calls[task] = operation
         task.add_done_callback(partial(self._ended, operation))
 
     async def _call_rosapi(self, verb: str, args: object) -> dict[str, Any]:
@@ -221,7 +242,7 @@ class Session:
             self._ended(operation, call, to_json)
             return
         # A server with another definition has replaced the earlier one.
-        self._calls.discard(call)
+        self._calls.pop(call, None)
         left = None if deadline is None else deadline - self._loop.time()
         clients = self._bridge.clients
         self._begin_task(operation, clients.call(operation.service, operation.args, left))
@@ -232,10 +253,12 @@ class Session:
         call: asyncio.Future[Any],
         convert: Callable[[Any], dict[str, Any]] = lambda values: values,
     ) -> None:
-        self._calls.discard(call)
-        if call.cancelled():  # the client has left
+        is_open = self._calls.pop(call, None) is not None
+        if call.cancelled():  # the client has left, or `end` has responded
             return
         error = call.exception()
+        if not is_open:  # `end` has responded, but the call could not be cancelled
+            return
         if error is None:
             self._respond(operation, convert(call.result()), result=True)
         else:

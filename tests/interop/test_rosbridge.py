@@ -40,6 +40,28 @@ try:
 except rclpy.executors.ExternalShutdownException:
     pass
 """
+HANG = """\
+import asyncio
+import sys
+
+import srvgen
+import taskrpc
+
+
+async def hang(request, response):
+    print("called", file=sys.stderr, flush=True)
+    await asyncio.sleep(600)
+
+
+async def main():
+    async with taskrpc.Node("hang") as node:
+        node.create_service(srvgen.load("std_srvs/srv/Trigger"), "/hang", hang)
+        print("hang is ready", file=sys.stderr, flush=True)
+        await node.spin()
+
+
+taskrpc.run(main())
+"""
 
 GATEWAYS = ["bridge", "server"]
 """`taskrpc bridge rosbridge`, and `taskrpc-server --web`."""
@@ -173,6 +195,31 @@ def test_roslibpy(ports, transport):
     assert found["definition"]["typedefs"][0]["fieldnames"] == ["position", "orientation"]
     assert found["chatter"] == ["one", "two", "Zürich ☃"]
     assert found["parameter"] == 2
+
+
+@pytest.mark.parametrize("transport", ["twisted", "asyncio"])
+def test_roslibpy_gets_an_error_for_its_call_when_the_gateway_ends(
+    tmp_path, transport, monkeypatch
+):
+    (tmp_path / "runtime").mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "runtime"))
+    (tmp_path / "hang.py").write_text(HANG, encoding="utf-8")
+    server, _ = started(["taskrpc", "run", str(tmp_path / "hang.py")], "hang is ready")
+    command = ["taskrpc", "bridge", "rosbridge", "--listen", "127.0.0.1:0"]
+    with server:
+        gateway, place = started(command, "rosbridge at ws")
+        with gateway:
+            script = str(FOLDER / "roslibpy_ending.py")
+            client = [sys.executable, script, place.rpartition(":")[2], transport, "/hang"]
+            with subprocess.Popen(client, stdout=subprocess.PIPE, text=True) as calling:
+                try:
+                    assert server.stderr.readline() == "called\n"
+                    gateway.terminate()
+                    printed, _ = calling.communicate(timeout=LIMIT)
+                finally:
+                    for process in (calling, gateway, server):
+                        process.kill()
+    assert "OutcomeUnknown: the gateway ends; the call may have run" in printed
 
 
 def test_tools_of_ros_mcp(ports):

@@ -189,6 +189,36 @@ async def test_ending_server_sends_a_close_frame_to_each_client_also_if_one_does
                 await http.ws_connect(web.url)
 
 
+@pytest.mark.parametrize("calls", [1, 200])
+async def test_calls_in_flight_get_a_response_before_the_close_frame(http, calls):
+    begun = []
+
+    async def slow(request, response):
+        begun.append(request)
+        await asyncio.Event().wait()
+
+    async with taskrpc.Node("bridge", transport="memory") as node:
+        node.create_service(TRIGGER, "/slow", slow, concurrency=calls)
+        rosbridge = RosbridgeServer(node)
+        serving = WebServer({}, listen="127.0.0.1:0", upgrade=rosbridge.handle)
+        async with serving as web, http.ws_connect(web.url) as socket:
+            for number in range(calls):
+                await socket.send_json(
+                    {"op": "call_service", "service": "/slow", "id": str(number)}
+                )
+            while len(begun) < calls:
+                await asyncio.sleep(0.01)
+            ending = asyncio.ensure_future(rosbridge.close())
+            got = [await asyncio.wait_for(socket.receive_json(), 60) for _ in range(calls)]
+            assert {each["id"] for each in got} == {str(number) for number in range(calls)}
+            assert {(each["result"], each["values"]) for each in got} == {
+                (False, "OutcomeUnknown: the gateway ends; the call may have run")
+            }
+            last = await asyncio.wait_for(socket.receive(), 60)
+            assert (last.type, last.extra) == (aiohttp.WSMsgType.CLOSE, "the server is ending")
+            await ending
+
+
 async def test_text_of_any_client_is_valid_json(web, http):
     async with http.ws_connect(web.url) as socket:
         await socket.send_str('{"op": "\\u2028", "id": "\\u2028"}')

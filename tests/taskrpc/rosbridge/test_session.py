@@ -339,3 +339,31 @@ def test_any_operations_leave_the_session_working(operations):
 
     with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
         runner.run(run())
+
+
+async def test_ending_gateway_responds_to_each_call_in_flight_once_and_cancels_it():
+    cancelled = asyncio.Event()
+
+    async def slow(request, response):
+        try:
+            await never(request, response)
+        finally:
+            cancelled.set()
+
+    async with connected() as (node, client):
+        node.create_service(TRIGGER, "/slow", slow)
+        await client.call("/slow", timeout=0.1)  # the gateway knows the definition now
+        cancelled.clear()
+        for name in ("known", "rosapi"):
+            service = "/slow" if name == "known" else "/rosapi/interfaces"
+            await client.send("call_service", id=name, service=service)
+        client.session.end()
+        await client.send("call_service", id="late", service="/slow")
+        await asyncio.wait_for(cancelled.wait(), 5)
+        await asyncio.sleep(1)
+        client.session.close()
+        assert [(each["id"], each["result"], each["values"]) for each in client.sent] == [
+            ("known", False, "OutcomeUnknown: the gateway ends; the call may have run"),
+            ("rosapi", False, "OutcomeUnknown: the gateway ends; the call may have run"),
+            ("late", False, "ServiceUnavailable: the gateway ends; the call has not run"),
+        ]
