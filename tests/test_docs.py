@@ -351,7 +351,7 @@ async def test_the_table_of_metrics_has_every_one(tmp_path):
         metrics.add(store.families)
         metrics.add(lambda: task_families(taskrpc.TaskServer(node, robot, store).manager))
         found = metrics.families()
-    rows = _rows(ROOT / "docs" / "how-to" / "watch-a-server.md", "All metrics")
+    rows = _rows(REFERENCE / "metrics.md", "All metrics")
     told = re.findall(r"taskrpc_\w+", " ".join(names for names, *_ in rows))
     assert sorted(told) == sorted(family.name for family in found)
 
