@@ -9,7 +9,7 @@ with foreign programs: all programs of the middleware that are not taskrpc's. A 
 them. Without them, topics travel over the connections too.
 
 All methods are called on the event loop, and must not block. An engine with threads passes what it
-receives to the loop with `call_soon_threadsafe`.
+receives to the loop with `taskrpc.transport.tunnel.handoff.Handoff`.
 """
 
 from __future__ import annotations

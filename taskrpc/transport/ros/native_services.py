@@ -14,7 +14,7 @@ from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.engine import NativeReply
 from taskrpc.transport.ros import qualities
 from taskrpc.transport.ros.conversion import from_ros, to_ros
-from taskrpc.transport.ros.spinning import Handoff
+from taskrpc.transport.tunnel.handoff import Handoff
 
 log = logging.getLogger("taskrpc.transport")
 

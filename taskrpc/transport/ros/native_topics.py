@@ -20,7 +20,8 @@ from taskrpc.transport.base import Deliver, OnMismatch
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.ros import bytes_message, qualities
 from taskrpc.transport.ros.conversion import from_ros
-from taskrpc.transport.ros.spinning import Ending, Handoff, wait_until_sent
+from taskrpc.transport.ros.spinning import Ending, wait_until_sent
+from taskrpc.transport.tunnel.handoff import Handoff
 from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import TopicEndpoint
 from taskrpc.wire.topics import qos_mismatch_text

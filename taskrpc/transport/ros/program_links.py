@@ -17,7 +17,7 @@ from typing import Any
 
 from taskrpc.transport.engine import EngineEvents
 from taskrpc.transport.ros import bytes_message, qualities
-from taskrpc.transport.ros.spinning import Handoff
+from taskrpc.transport.tunnel.handoff import Handoff
 
 log = logging.getLogger("taskrpc.transport")
 

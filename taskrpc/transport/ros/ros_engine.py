@@ -21,9 +21,10 @@ from taskrpc.transport.ros.installed import NotBuilt, real_rclpy, ros_class
 from taskrpc.transport.ros.native_services import NativeClient, NativeServer, Unserved
 from taskrpc.transport.ros.native_topics import Carrier, NativePublisher, NativeSubscription
 from taskrpc.transport.ros.program_links import NODE, ProgramLinks, place_of
-from taskrpc.transport.ros.spinning import Ending, Handoff, Spinner, wait_until_sent
+from taskrpc.transport.ros.spinning import Ending, Spinner, wait_until_sent
 from taskrpc.transport.settings import Settings
 from taskrpc.transport.tunnel.directory import entry_in
+from taskrpc.transport.tunnel.handoff import Handoff
 from taskrpc.transport.tunnel.tunnel_network import TunnelNetwork
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 

@@ -1,13 +1,11 @@
-"""rclpy's executor in a thread, and the ordered hand-off of its callbacks to the event loop."""
+"""rclpy's executor in a thread, and the end of what rclpy has created."""
 
 from __future__ import annotations
 
-import asyncio
 import atexit
 import contextlib
 import logging
 import threading
-from collections import deque
 from collections.abc import Callable
 from functools import partial
 from queue import SimpleQueue
@@ -22,41 +20,6 @@ log = logging.getLogger("taskrpc.transport")
 
 _JOIN = 2.0
 """Seconds that a thread gets to end: a real rclpy may hang."""
-
-
-class Handoff:
-    """Passes actions from rclpy's threads to the event loop: many with one wake-up, in order."""
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self._loop = loop
-        self._waiting: deque[tuple[Callable[..., object], tuple[Any, ...]]] = deque()
-        self._is_scheduled = False
-        self._is_closed = False
-
-    def put(self, action: Callable[..., object], *arguments: Any) -> None:
-        """Call an action on the event loop; any thread may call this."""
-        self._waiting.append((action, arguments))
-        if not self._is_scheduled:
-            self._is_scheduled = True
-            with contextlib.suppress(RuntimeError):  # the loop is closed: nobody waits any more
-                self._loop.call_soon_threadsafe(self._run)
-
-    def close(self) -> None:
-        """Drop all actions from now on."""
-        self._is_closed = True
-        self._waiting.clear()
-
-    def _run(self) -> None:
-        self._is_scheduled = False  # before the loop below: a later `put` must wake the loop again
-        for _ in range(len(self._waiting)):
-            if self._is_closed:
-                return
-            action, arguments = self._waiting.popleft()
-            try:
-                action(*arguments)
-            except Exception as error:
-                context = {"message": "a callback of ROS 2 failed", "exception": error}
-                self._loop.call_exception_handler(context)
 
 
 class Ending:

@@ -15,9 +15,10 @@ from taskrpc.errors import Code, HandlerFailed, InvalidRequest, OutcomeUnknown, 
 from taskrpc.transport.base import OnDone
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.engine import NativeReply
+from taskrpc.transport.tunnel.handoff import Handoff
 from taskrpc.transport.zenoh import attachment
 from taskrpc.transport.zenoh.attachment import Attachment
-from taskrpc.transport.zenoh.session import HandOff, reason_of
+from taskrpc.transport.zenoh.session import handler, reason_of
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -33,7 +34,7 @@ class NativeServer:
     def __init__(
         self,
         session: zenoh.Session,
-        hand_off: HandOff,
+        handoff: Handoff,
         key: str,
         token: str,
         srv_type: ServiceType,
@@ -42,8 +43,8 @@ class NativeServer:
         self._key = key
         self._request_type = srv_type.Request
         self._serve = serve
-        handler = hand_off.callback(self._arrived)
-        self._queryable = session.declare_queryable(key, handler, complete=True)
+        arrived = handler(handoff, self._arrived)
+        self._queryable = session.declare_queryable(key, arrived, complete=True)
         # After the queryable: a caller that sees the token can reach the service.
         self._token = session.liveliness().declare_token(token)
 
@@ -109,9 +110,9 @@ class Reply:
 class NativeClient:
     """Calls one service of foreign programs."""
 
-    def __init__(self, session: zenoh.Session, hand_off: HandOff, key: str, service: str) -> None:
+    def __init__(self, session: zenoh.Session, handoff: Handoff, key: str, service: str) -> None:
         self.service = service
-        self._hand_off = hand_off
+        self._handoff = handoff
         self._gid = os.urandom(attachment.GID_SIZE)
         self._sent = 0
         self._querier = session.declare_querier(
@@ -131,8 +132,8 @@ class NativeClient:
         self._sent += 1
         about = attachment.pack(self._sent, time.time_ns(), self._gid)
         call = NativeCall(self.service, srv_type, on_done)
-        handler = self._hand_off.callback(call.replied, call.over)
-        self._querier.get(handler, payload=data, attachment=about)
+        replied = handler(self._handoff, call.replied, call.over)
+        self._querier.get(replied, payload=data, attachment=about)
         return call
 
     def close(self) -> None:
@@ -168,7 +169,7 @@ class NativeCall:
             text = failure.payload.to_bytes().decode(errors="replace")[:_ERROR_SIZE]
             self._end(None, HandlerFailed(Code.INTERNAL, f"{self._service} failed: {text}"))
 
-    def over(self, _: None) -> None:
+    def over(self) -> None:
         """Handle the end of all responses: every server has responded, or has gone."""
         problem = f"the server of {self._service} ended the call without a response"
         self._end(None, OutcomeUnknown(problem))

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import re
-from collections import deque
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import zenoh
 
 from taskrpc.errors import TaskRpcError
+from taskrpc.transport.tunnel.handoff import Handoff
 from taskrpc.transport.zenoh.configuration import OVERRIDE_VARIABLE, Configuration
 
 _T = TypeVar("_T")
@@ -58,56 +56,16 @@ def _config(configuration: Configuration) -> zenoh.Config:
     return config
 
 
-class HandOff:
-    """Passes values from Zenoh's threads to the event loop, in order.
-
-    Many values that arrive together wake the loop once.
-    """
-
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
-        self.turn = 0
-        """Counts the turns of the loop that handled values."""
-        self._loop = loop
-        self._waiting: deque[tuple[Callable[[Any], object], Any]] = deque()
-        self._planned = False
-        self._closed = False
-
-    def post(self, handle: Callable[[_T], object], value: _T) -> None:
-        """Call `handle(value)` on the loop soon; any thread may call this."""
-        self._waiting.append((handle, value))
-        if not self._planned:
-            self._planned = True
-            # The loop may have been closed while this thread received the value.
-            with contextlib.suppress(RuntimeError):
-                self._loop.call_soon_threadsafe(self.drain)
-
-    def callback(
-        self, handle: Callable[[_T], object], over: Callable[[None], object] | None = None
-    ) -> Any:
-        """Return a handler for Zenoh that posts each value, and the end if `over` is given."""
-        post = self.post
-        # Direct: an indirect callback would go through one more thread.
-        return zenoh.handlers.Callback(
-            lambda value: post(handle, value),
-            (lambda: None) if over is None else (lambda: post(over, None)),
-            indirect=False,
-        )
-
-    def drain(self) -> None:
-        """Handle the values that wait now; later ones plan another turn."""
-        self._planned = False
-        self.turn += 1
-        waiting = self._waiting
-        for _ in range(len(waiting)):
-            handle, value = waiting.popleft()
-            if self._closed:
-                continue
-            try:
-                handle(value)
-            except Exception as error:  # the other values must arrive all the same
-                context = {"message": "a value from Zenoh was not handled", "exception": error}
-                self._loop.call_exception_handler(context)
-
-    def close(self) -> None:
-        """Drop all values from now on."""
-        self._closed = True
+def handler(
+    handoff: Handoff,
+    handle: Callable[[_T], object],
+    over: Callable[[], object] | None = None,
+) -> Any:
+    """Return a handler for Zenoh that passes each value to the loop, and the end to `over`."""
+    put = handoff.put
+    # Direct: an indirect callback would go through one more thread.
+    return zenoh.handlers.Callback(
+        lambda value: put(handle, value),
+        (lambda: None) if over is None else (lambda: put(over)),
+        indirect=False,
+    )

@@ -18,9 +18,10 @@ import srvgen
 from taskrpc.errors import InvalidRequest
 from taskrpc.transport.base import Deliver, OnMismatch
 from taskrpc.transport.codec import described
+from taskrpc.transport.tunnel.handoff import Handoff
 from taskrpc.transport.zenoh import attachment
 from taskrpc.transport.zenoh.graph import Graph
-from taskrpc.transport.zenoh.session import HandOff
+from taskrpc.transport.zenoh.session import handler
 from taskrpc.transport.zenoh.tokens import Kind, Token
 from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import TopicEndpoint
@@ -195,7 +196,7 @@ class ZenohSubscription(NativeTopic):
     def __init__(
         self,
         place: Place,
-        hand_off: HandOff,
+        handoff: Handoff,
         named: TopicEndpoint,
         msg_type: Any,
         deliver: Deliver,
@@ -203,12 +204,12 @@ class ZenohSubscription(NativeTopic):
     ) -> None:
         self.lost = 0
         self.decode: Callable[[Body], Any] = _decoder(msg_type)
-        self._hand_off = hand_off
+        self._handoff = handoff
         self._deliver = deliver
         self._closed = False
         self._last: dict[bytes, int] = {}
         """The sequence number of the last message of each publisher, by its gid."""
-        self._subscriber = _declare_subscriber(place, named, hand_off.callback(self._arrived))
+        self._subscriber = _declare_subscriber(place, named, handler(handoff, self._arrived))
         super().__init__(place, named, on_mismatch)
 
     def close(self) -> None:
@@ -222,7 +223,7 @@ class ZenohSubscription(NativeTopic):
             return
         if sample.attachment is not None:
             self._count_lost(sample.attachment.to_bytes())
-        self._deliver(sample.payload.to_bytes(), self._hand_off.turn)
+        self._deliver(sample.payload.to_bytes(), self._handoff.turn)
 
     def _count_lost(self, data: bytes) -> None:
         about = attachment.parse(data)
@@ -236,15 +237,15 @@ class ZenohSubscription(NativeTopic):
             del self._last[next(iter(self._last))]
 
 
-def _declare_subscriber(place: Place, named: TopicEndpoint, handler: Any) -> Any:
+def _declare_subscriber(place: Place, named: TopicEndpoint, arrived: Any) -> Any:
     """Return a subscriber of Zenoh; one that asks for earlier messages for transient_local."""
     if not named.latched:
-        return place.session.declare_subscriber(place.key, handler)
+        return place.session.declare_subscriber(place.key, arrived)
     recovery = ext.RecoveryConfig(periodic_queries=None, heartbeat=True)
     return ext.declare_advanced_subscriber(
         place.session,
         place.key,
-        handler,
+        arrived,
         history=ext.HistoryConfig(detect_late_publishers=True, max_samples=named.depth),
         recovery=recovery if named.reliable else None,
         subscriber_detection=True,

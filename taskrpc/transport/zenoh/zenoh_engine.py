@@ -14,6 +14,7 @@ import os
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
+from functools import partial
 from typing import Any, TypeVar
 
 import zenoh
@@ -24,12 +25,13 @@ from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry
 from taskrpc.transport.engine import Closable, EngineEvents, ForeignServer, NativeReply
 from taskrpc.transport.settings import Settings
+from taskrpc.transport.tunnel.handoff import Handoff
 from taskrpc.transport.tunnel.tunnel_network import TunnelNetwork
 from taskrpc.transport.zenoh import keys
 from taskrpc.transport.zenoh.configuration import Configuration, configuration_of
 from taskrpc.transport.zenoh.graph import Graph
 from taskrpc.transport.zenoh.services import NativeCall, NativeClient, NativeServer
-from taskrpc.transport.zenoh.session import HandOff, open_session, reason_of
+from taskrpc.transport.zenoh.session import handler, open_session, reason_of
 from taskrpc.transport.zenoh.tokens import (
     SERVICE_QOS,
     UNKNOWN_HASH,
@@ -76,7 +78,7 @@ class ZenohEngine:
         self._domain = domain
         self._configuration = configuration
         self._loop = asyncio.get_running_loop()
-        self._hand_off = HandOff(self._loop)
+        self._handoff = Handoff(self._loop)
         self._opened: zenoh.Session | None = None
         self._events: EngineEvents
         self._closed = False
@@ -122,11 +124,11 @@ class ZenohEngine:
         self.place = str(session.zid())
         self._programs.add(self.place)
         await asyncio.to_thread(self._join, session)
-        self._hand_off.drain()
+        self._handoff.drain()
 
     def _join(self, session: zenoh.Session) -> None:
         """Declare what this program listens to; runs in a thread, because it waits."""
-        domain, place, callback = self._domain, self.place, self._hand_off.callback
+        domain, place, callback = self._domain, self.place, partial(handler, self._handoff)
         live = session.liveliness()
         alive, entries, own = keys.alive_key(domain), keys.entry_key(domain), self._answer
         entry_key, inbox_key = keys.entry_key(domain, place), keys.inbox_key(domain, place)
@@ -186,7 +188,7 @@ class ZenohEngine:
         if self._closed:
             return
         self._closed = True
-        self._hand_off.close()
+        self._handoff.close()
         if self._opened is not None:
             self._opened.close()
 
@@ -212,10 +214,10 @@ class ZenohEngine:
 
         def reply(answer: zenoh.Reply) -> None:
             if answer.ok is not None:
-                self._hand_off.post(self._entry_received, answer.ok)
+                self._handoff.put(self._entry_received, answer.ok)
 
-        handler = zenoh.handlers.Callback(reply, over, indirect=False)
-        session.get(key, handler, timeout=DISCOVERY_TIMEOUT)
+        asked = zenoh.handlers.Callback(reply, over, indirect=False)
+        session.get(key, asked, timeout=DISCOVERY_TIMEOUT)
 
     def _alive_changed(self, sample: zenoh.Sample) -> None:
         place = keys.place_of(str(sample.key_expr))
@@ -364,7 +366,7 @@ class ZenohEngine:
         """Offer a service to foreign programs. Raises TaskRpcError."""
         key, token = self._data_key(named), self._token(Kind.SERVER, named, SERVICE_QOS)
         try:
-            return NativeServer(self._session, self._hand_off, key, token, srv_type, serve)
+            return NativeServer(self._session, self._handoff, key, token, srv_type, serve)
         except zenoh.ZError as error:
             raise TaskRpcError(f"Zenoh refuses {named.name}: {reason_of(error)}") from None
 
@@ -379,7 +381,7 @@ class ZenohEngine:
         key = keys.data_key(self._domain, service, same[0].type_name, same[0].type_hash)
         client = self._clients.get(key)
         if client is None:
-            client = NativeClient(self._session, self._hand_off, key, service)
+            client = NativeClient(self._session, self._handoff, key, service)
             self._clients[key] = client
         return client.call(srv_type, request, on_done)
 
@@ -400,8 +402,8 @@ class ZenohEngine:
         on_mismatch: OnMismatch | None,
     ) -> TopicSubscription:
         """Create a native subscription."""
-        place, hand_off = self._topic_place(Kind.SUBSCRIPTION, named), self._hand_off
-        subscription = ZenohSubscription(place, hand_off, named, msg_type, deliver, on_mismatch)
+        place, handoff = self._topic_place(Kind.SUBSCRIPTION, named), self._handoff
+        subscription = ZenohSubscription(place, handoff, named, msg_type, deliver, on_mismatch)
         return self._added(subscription)
 
     def _topic_place(self, kind: Kind, named: TopicEndpoint) -> Place:

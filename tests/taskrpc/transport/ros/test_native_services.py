@@ -9,7 +9,7 @@ import pytest
 import srvgen
 from taskrpc.errors import HandlerFailed, InvalidRequest
 from taskrpc.transport.ros.native_services import NativeClient, NativeServer, refusal
-from taskrpc.transport.ros.spinning import Handoff
+from taskrpc.transport.tunnel.handoff import Handoff
 from tests.taskrpc.transport.ros.fake_ros import Future, ros_service
 
 Trigger = srvgen.load("std_srvs/srv/Trigger")

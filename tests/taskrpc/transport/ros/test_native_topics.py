@@ -9,7 +9,8 @@ import pytest
 import srvgen
 from taskrpc.errors import InvalidRequest
 from taskrpc.transport.ros.native_topics import Carrier, NativePublisher, NativeSubscription
-from taskrpc.transport.ros.spinning import Ending, Handoff
+from taskrpc.transport.ros.spinning import Ending
+from taskrpc.transport.tunnel.handoff import Handoff
 from taskrpc.wire.messages import TopicEndpoint
 from tests.taskrpc.transport.ros.fake_ros import ros_message
 

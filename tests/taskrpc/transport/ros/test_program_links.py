@@ -9,7 +9,7 @@ import pytest
 
 from taskrpc.transport.ros import bytes_message
 from taskrpc.transport.ros.program_links import ProgramLinks, id_of_node, place_of
-from taskrpc.transport.ros.spinning import Handoff
+from taskrpc.transport.tunnel.handoff import Handoff
 from tests.taskrpc.transport.ros.fake_ros import Ros
 
 A, B = "a" * 16, "b" * 16

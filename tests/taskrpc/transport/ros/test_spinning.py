@@ -2,59 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
 import threading
 
 import pytest
 
-from taskrpc.transport.ros.spinning import Ending, Handoff, Spinner
+from taskrpc.transport.ros.spinning import Ending, Spinner
 from tests.taskrpc.transport.ros.fake_ros import Context, Ros
-
-
-@pytest.mark.real_time
-async def test_actions_of_a_thread_run_in_order_on_the_loop():
-    seen, done = [], asyncio.Event()
-    handoff = Handoff(asyncio.get_running_loop())
-
-    def work():
-        for number in range(1000):
-            handoff.put(lambda number: seen.append((number, threading.get_ident())), number)
-        handoff.put(done.set)
-
-    threading.Thread(target=work).start()
-    await done.wait()
-    assert seen == [(number, threading.get_ident()) for number in range(1000)]
-
-
-async def test_many_actions_wake_the_loop_once(monkeypatch):
-    loop, woken = asyncio.get_running_loop(), []
-    monkeypatch.setattr(
-        loop, "call_soon_threadsafe", lambda action: woken.append(loop.call_soon(action))
-    )
-    seen, handoff = [], Handoff(loop)
-    for number in range(5):
-        handoff.put(seen.append, number)
-    await asyncio.sleep(0)
-    assert (len(woken), seen) == (1, [0, 1, 2, 3, 4])
-
-
-async def test_action_that_raises_does_not_stop_the_others():
-    loop, reported, seen = asyncio.get_running_loop(), [], []
-    loop.set_exception_handler(lambda _, context: reported.append(context["message"]))
-    handoff = Handoff(loop)
-    handoff.put(lambda: 1 / 0)
-    handoff.put(seen.append, "next")
-    await asyncio.sleep(0)
-    assert (reported, seen) == (["a callback of ROS 2 failed"], ["next"])
-
-
-async def test_closed_handoff_drops_actions():
-    seen, handoff = [], Handoff(asyncio.get_running_loop())
-    handoff.put(seen.append, 1)
-    handoff.close()
-    handoff.put(seen.append, 2)
-    await asyncio.sleep(0)
-    assert seen == []
 
 
 @pytest.mark.real_time
