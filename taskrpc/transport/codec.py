@@ -75,12 +75,12 @@ class Codec:
         def encode(message: Any) -> bytes:
             # A message with checked fields has a class of its own, made from the original.
             if message.__class__ is not cls and getattr(message, "_ORIGINAL", None) is not cls:
-                raise InvalidRequest("", f"expected a {cls._TYPE}, got {described(message)}")
+                raise wrong_class(cls, message)
             try:
                 message._check()
                 return _encode(message)
             except ValueError as error:
-                raise _invalid(error) from None
+                raise invalid_value(error) from None
 
         return encode
 
@@ -106,7 +106,7 @@ class Codec:
             except (msgspec.MsgspecError, RecursionError) as error:
                 raise self._not_decoded(error) from None
             except ValueError as error:
-                raise _invalid(error) from None
+                raise invalid_value(error) from None
             return message
 
         return decode
@@ -184,8 +184,14 @@ def codec_of(cls: type[Any]) -> Codec:
     return Codec(cls)
 
 
-def _invalid(error: ValueError) -> InvalidRequest:
+def invalid_value(error: ValueError) -> InvalidRequest:
+    """Return the error for a message that did not pass its check."""
     return InvalidRequest(getattr(error, "path", ""), getattr(error, "problem", str(error)))
+
+
+def wrong_class(cls: type[MessageType], message: object) -> InvalidRequest:
+    """Return the error for a message of another class than the expected one."""
+    return InvalidRequest("", f"expected a {cls._TYPE}, got {described(message)}")
 
 
 def described(message: object) -> str:

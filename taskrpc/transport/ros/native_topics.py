@@ -13,14 +13,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import srvgen
-from srvgen import FieldError
 from taskrpc.errors import InvalidRequest
 from taskrpc.transport.base import Deliver, OnMismatch
-from taskrpc.transport.codec import codec_of
 from taskrpc.transport.ros import bytes_message, qualities
 from taskrpc.transport.ros.conversion import from_ros
 from taskrpc.transport.ros.spinning import Ending, wait_until_sent
+from taskrpc.transport.tunnel import cdr
 from taskrpc.transport.tunnel.handoff import Handoff
 from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import TopicEndpoint
@@ -52,13 +50,7 @@ class Carrier:
 
     def encode(self, message: Any) -> bytes:
         """Return the bytes for rclpy. Raises InvalidRequest."""
-        given = getattr(message, "_ORIGINAL", None) or message.__class__
-        if given is not self._msg_type:
-            codec_of(self._msg_type).encode(message)  # raises the error for another class
-        try:
-            body = srvgen.to_cdr(message)
-        except FieldError as error:
-            raise InvalidRequest(error.path, error.problem) from None
+        body = cdr.encode(self._msg_type, message)
         return body if self._ros_type is not None else bytes_message.pack(body)
 
     def decode(self, body: Body) -> Any:
@@ -67,20 +59,20 @@ class Carrier:
         if self._ros_type is None:
             data = bytes_message.unpack(data) or b""
         try:
-            return srvgen.from_cdr(self._msg_type, data)
-        except srvgen.CdrError as error:
+            return cdr.decode(self._msg_type, data)
+        except InvalidRequest as error:
             return self._decoded_by_ros(data, error)
 
-    def _decoded_by_ros(self, data: bytes, error: Exception) -> Any:
+    def _decoded_by_ros(self, data: bytes, error: InvalidRequest) -> Any:
         """Decode a message with bytes behind its end, which some middlewares add."""
         if self._ros_type is None:
-            raise InvalidRequest("", str(error)) from None
+            raise error
         try:
             message = self._ros.serialization.deserialize_message(data, self._ros_type)
             found = from_ros(self._msg_type, self._ros_type)(message)
             found._check()
         except Exception:  # rclpy's errors have no common class; the first error is clearer
-            raise InvalidRequest("", str(error)) from None
+            raise error from None
         return found
 
 

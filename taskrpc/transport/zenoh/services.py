@@ -15,6 +15,7 @@ from taskrpc.errors import Code, HandlerFailed, InvalidRequest, OutcomeUnknown, 
 from taskrpc.transport.base import OnDone
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.engine import NativeReply
+from taskrpc.transport.tunnel import cdr
 from taskrpc.transport.tunnel.handoff import Handoff
 from taskrpc.transport.zenoh import attachment
 from taskrpc.transport.zenoh.attachment import Attachment
@@ -61,8 +62,8 @@ class NativeServer:
             return
         try:
             body = b"" if data is None else data.to_bytes()
-            request = srvgen.from_cdr(self._request_type, body)
-        except srvgen.CdrError as error:
+            request = cdr.decode(self._request_type, body)
+        except InvalidRequest as error:
             refuse(query, f"the request is not valid: {error}")
             return
         self._serve(request, Reply(query, self._key, told))
@@ -125,10 +126,7 @@ class NativeClient:
 
     def call(self, srv_type: ServiceType, request: Any, on_done: OnDone) -> NativeCall:
         """Send a request. Raises InvalidRequest."""
-        try:
-            data = srvgen.to_cdr(request)
-        except (ValueError, TypeError) as error:
-            raise InvalidRequest(getattr(error, "path", ""), str(error)) from None
+        data = cdr.encode(srv_type.Request, request)
         self._sent += 1
         about = attachment.pack(self._sent, time.time_ns(), self._gid)
         call = NativeCall(self.service, srv_type, on_done)
@@ -159,8 +157,8 @@ class NativeCall:
             return  # cancelled, or a second server has responded too
         if (sample := reply.ok) is not None:
             try:
-                response = srvgen.from_cdr(self._response_type, sample.payload.to_bytes())
-            except srvgen.CdrError as error:
+                response = cdr.decode(self._response_type, sample.payload.to_bytes())
+            except InvalidRequest as error:
                 text = f"the response of {self._service} is not valid: {error}"
                 self._end(None, HandlerFailed(Code.INTERNAL, text))
             else:

@@ -14,10 +14,8 @@ import msgspec
 import zenoh
 from zenoh import ext
 
-import srvgen
-from taskrpc.errors import InvalidRequest
 from taskrpc.transport.base import Deliver, OnMismatch
-from taskrpc.transport.codec import described
+from taskrpc.transport.tunnel import cdr
 from taskrpc.transport.tunnel.handoff import Handoff
 from taskrpc.transport.zenoh import attachment
 from taskrpc.transport.zenoh.graph import Graph
@@ -136,16 +134,7 @@ class ZenohPublisher(NativeTopic):
 
     def encode(self, message: Any) -> bytes:
         """Return the message as CDR. Raises InvalidRequest."""
-        expected = self._msg_type
-        # A message with checked fields has a class of its own, made from the original.
-        if type(message) is not expected and getattr(message, "_ORIGINAL", None) is not expected:
-            problem = f"expected a {expected._TYPE}, got {described(message)}"
-            raise InvalidRequest("", problem)
-        try:
-            return srvgen.to_cdr(message)
-        except ValueError as error:
-            path, problem = getattr(error, "path", ""), getattr(error, "problem", str(error))
-            raise InvalidRequest(path, problem) from None
+        return cdr.encode(self._msg_type, message)
 
     def publish(self, body: bytes) -> None:
         """Send an encoded message to all subscriptions."""
@@ -203,7 +192,7 @@ class ZenohSubscription(NativeTopic):
         on_mismatch: OnMismatch | None,
     ) -> None:
         self.lost = 0
-        self.decode: Callable[[Body], Any] = _decoder(msg_type)
+        self.decode: Callable[[Body], Any] = partial(cdr.decode, msg_type)
         self._handoff = handoff
         self._deliver = deliver
         self._closed = False
@@ -250,16 +239,6 @@ def _declare_subscriber(place: Place, named: TopicEndpoint, arrived: Any) -> Any
         recovery=recovery if named.reliable else None,
         subscriber_detection=True,
     )
-
-
-def _decoder(msg_type: Any) -> Callable[[Body], Any]:
-    def decode(body: Body) -> Any:
-        try:
-            return srvgen.from_cdr(msg_type, body)
-        except srvgen.CdrError as error:
-            raise InvalidRequest("", f"the message is not valid: {error}") from None
-
-    return decode
 
 
 def _nothing() -> None:
