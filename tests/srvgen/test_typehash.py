@@ -28,6 +28,51 @@ KNOWN = {
     "example_interfaces/action/Fibonacci_GetResult_Event": (
         "RIHS01_ac4e9cdb954c2e192c9f0753d46f59ab6f0101d5fb5b9542fd8ab2906e40c4d9"
     ),
+    "test_msgs/action/Fibonacci": (
+        "RIHS01_be9273e3557225044b4a040811112491f7079326e3a573f83258b0b4c30bd069"
+    ),
+    "test_msgs/action/Fibonacci_Feedback": (
+        "RIHS01_7d1110f2efa019ad5ad8ad2244db98d862f39dc9fae8c976814b0065fa2f32d5"
+    ),
+    "test_msgs/action/Fibonacci_FeedbackMessage": (
+        "RIHS01_37487bae8cea358366b97003c1ef1ca7ce7c08df36f9e8cca496624226aee64e"
+    ),
+    "test_msgs/action/Fibonacci_GetResult": (
+        "RIHS01_5d30fdeb21d20e117aa5f36c7b4f0b6874f1a8cf7a9c038d58f1156c5737b209"
+    ),
+    "test_msgs/action/Fibonacci_GetResult_Event": (
+        "RIHS01_fe0aa5843ef10550a9b322aeeccd5b11e78bca05b3571cf6999c51bff30c1e23"
+    ),
+    "test_msgs/action/Fibonacci_GetResult_Request": (
+        "RIHS01_c65e93c4c4328d7f1abd6ace83dba8e5fa0f32de76b4d2c96b5c655d94803b92"
+    ),
+    "test_msgs/action/Fibonacci_GetResult_Response": (
+        "RIHS01_ef88159d47a3d21d9bf4bec690cf668939d9542db28a9cfd77dbcd97eaf1add2"
+    ),
+    "test_msgs/action/Fibonacci_Goal": (
+        "RIHS01_e58ef5a8f4f039ab522a740823547c460b1d5aed8031c8b7825d33d345d90df8"
+    ),
+    "test_msgs/action/Fibonacci_Result": (
+        "RIHS01_0774b095467813c6904d475498b5486b7ebd4cda6a4569f97e8de8c862689049"
+    ),
+    "test_msgs/action/Fibonacci_SendGoal": (
+        "RIHS01_d807633803e38e164276573cd97e9fbd71e109c290bbf4cc312a0a1c9da7bbd9"
+    ),
+    "test_msgs/action/Fibonacci_SendGoal_Event": (
+        "RIHS01_a20e708c6aae7a99d1eb0e930a0916f596bb5bae93a342a61752e13135be2c44"
+    ),
+    "test_msgs/action/Fibonacci_SendGoal_Request": (
+        "RIHS01_dfe75c73dc2c090cbc8fd8c45039bfa279d16aa6aadd348f812c6adad26e669e"
+    ),
+    "test_msgs/action/Fibonacci_SendGoal_Response": (
+        "RIHS01_1e7e84f7edf1fb020d9e51c7842bceef4cbdbd847f354125f3227cf4f314a683"
+    ),
+    "action_msgs/srv/CancelGoal": (
+        "RIHS01_573d8b0a534451d7bc2ac8c5ffde8ac14b8593b7001175d0cd6516dcbeb8689a"
+    ),
+    "action_msgs/msg/GoalStatusArray": (
+        "RIHS01_6c1684b00f177d37438febe6e709fc4e2b0d4248dca4854946f9ed8b30cda83e"
+    ),
 }
 
 

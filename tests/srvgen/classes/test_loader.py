@@ -266,6 +266,11 @@ def test_action_has_all_its_services_and_messages():
     impl = srvgen.load("example_interfaces/action/Fibonacci").Impl
     assert impl.CancelGoalService is srvgen.load("action_msgs/srv/CancelGoal")
     assert impl.GoalStatusMessage is srvgen.load("action_msgs/msg/GoalStatusArray")
+    parts = (impl.SendGoalService, impl.GetResultService, impl.FeedbackMessage)
+    assert [part._TYPE for part in parts] == [
+        f"example_interfaces/action/Fibonacci_{name}"
+        for name in ("SendGoal", "GetResult", "FeedbackMessage")
+    ]
 
 
 def test_type_that_several_types_need_is_built_once():
