@@ -13,12 +13,12 @@ from taskrpc.transport.ros.program_links import id_of_node
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
 ENCLAVE = "/taskrpc/program_"
-"""The beginning of the enclave of taskrpc programs, which ROS's graph shows for each node. (Without
-ROS's security, an enclave is only a name.)"""
+"""The beginning of the enclave of taskrpc programs, which ROS's graph shows for each node. Without
+ROS's security, an enclave is only a name."""
 _HIDDEN = "/_taskrpc/"
 """The beginning of the topics between taskrpc programs."""
-_NEWS = 10
-"""The number of looks that count as news after a change: DDS tells later which node has what."""
+_LOOKS_AFTER_CHANGE = 10
+"""Looks after a change in which the graph is read again: DDS reports later which node has what."""
 
 ServiceHash = Callable[[str, str, str], str]
 """Returns the hash of a service from its type name and the hashes of its request and response."""
@@ -35,8 +35,8 @@ class Graph:
         """Whether there is any node besides this one."""
         self._raw: object = None
         """The names at the last look, to see whether something has changed."""
-        self._news = 0
-        """The number of looks that still count as news."""
+        self._looks_left = 0
+        """The number of looks in which the graph is still read again."""
         self._servers: dict[str, list[ServiceEndpoint]] = {}
         """The foreign servers by service."""
         self._entries: list[RegistryEntry] = []
@@ -47,10 +47,10 @@ class Graph:
         nodes = node.get_node_names_and_namespaces_with_enclaves()
         raw = nodes, node.get_service_names_and_types(), node.get_topic_names_and_types()
         if raw == self._raw:
-            self._news -= 1
+            self._looks_left -= 1
         else:
-            self._raw, self._news = raw, _NEWS
-        if self._news <= 0:
+            self._raw, self._looks_left = raw, _LOOKS_AFTER_CHANGE
+        if self._looks_left <= 0:
             return None
         self.others = len(nodes) > 1
         return [name for name, _, _ in nodes]
@@ -145,7 +145,7 @@ class Graph:
                 for info in read(topic):
                     name = _node_of(info)
                     if name in found:
-                        seen = qualities.seen_topic(self._ros, topic, name, info)
+                        seen = qualities.topic_endpoint(self._ros, topic, name, info)
                         found[name].append(seen)
         return publishers, subscriptions
 

@@ -61,13 +61,13 @@ class ProgramLinks:
         """Create the topics of this program on its hidden node."""
         self._node, self._id, self._events = node, own_id, events
         self._announcer = node.create_publisher(
-            self._class, f"/_taskrpc/program_{own_id}", qualities.program(self._ros, LEASE)
+            self._class, f"/_taskrpc/program_{own_id}", qualities.presence_profile(self._ros, LEASE)
         )
         node.create_subscription(
             self._class,
             f"/_taskrpc/inbox_{own_id}",
             lambda body: self._handoff.put(self._received, body),
-            qualities.everything(self._ros),
+            qualities.lossless_profile(self._ros),
             raw=True,
         )
 
@@ -117,7 +117,7 @@ class ProgramLinks:
         return self._node.create_publisher(
             self._class,
             f"/_taskrpc/inbox_{program}",
-            qualities.everything(self._ros),
+            qualities.lossless_profile(self._ros),
             event_callbacks=self._ros.event_handler.PublisherEventCallbacks(
                 matched=lambda _: self._handoff.put(on_matched)
             ),
@@ -129,7 +129,7 @@ class ProgramLinks:
             self._class,
             f"/_taskrpc/program_{program}",
             lambda body: self._handoff.put(on_entry, body),
-            qualities.program(self._ros, LEASE),
+            qualities.presence_profile(self._ros, LEASE),
             raw=True,
             event_callbacks=self._ros.event_handler.SubscriptionEventCallbacks(
                 liveliness=lambda status: self._handoff.put(on_alive, status.alive_count > 0)

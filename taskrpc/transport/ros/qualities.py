@@ -38,7 +38,7 @@ def service_profile(ros: Any) -> Any:
     )
 
 
-def everything(ros: Any) -> Any:
+def lossless_profile(ros: Any) -> Any:
     """Return a profile that loses nothing."""
     qos = ros.qos
     return qos.QoSProfile(
@@ -48,8 +48,8 @@ def everything(ros: Any) -> Any:
     )
 
 
-def program(ros: Any, lease: float) -> Any:
-    """Return the profile of a program's entry: DDS reports when its publisher is silent.
+def presence_profile(ros: Any, lease: float) -> Any:
+    """Return the profile of a program's presence: DDS reports when its publisher is silent.
 
     DDS keeps the publisher alive by itself, also while the program computes.
     """
@@ -64,7 +64,7 @@ def program(ros: Any, lease: float) -> Any:
     )
 
 
-def seen_topic(ros: Any, name: str, node: str, info: Any) -> TopicEndpoint:
+def topic_endpoint(ros: Any, name: str, node: str, info: Any) -> TopicEndpoint:
     """Return a foreign publisher or subscription as ROS's graph describes it."""
     profile = info.qos_profile
     return TopicEndpoint(

@@ -11,15 +11,14 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Any
 
-_LAST_WORDS = 1.0
-"""Seconds that the last messages get."""
-_LONGEST_END = 8.0
-"""Seconds for which the end of Python waits."""
-
 log = logging.getLogger("taskrpc.transport")
 
-_JOIN = 2.0
-"""Seconds that a thread gets to end: a real rclpy may hang."""
+_SEND_TIMEOUT = 1.0
+"""Seconds to wait until the subscriptions have the last messages of a publisher."""
+_EXIT_TIMEOUT = 8.0
+"""Seconds for which the exit of Python waits until everything has ended."""
+_JOIN_TIMEOUT = 2.0
+"""Seconds to wait for the end of a thread: a real rclpy may hang."""
 
 
 class Ending:
@@ -50,13 +49,13 @@ class Ending:
 
     def _finish(self) -> None:
         self.close()
-        self._thread.join(_LONGEST_END)
+        self._thread.join(_EXIT_TIMEOUT)
 
 
 def wait_until_sent(ros: Any, publisher: Any) -> None:
     """Wait until all subscriptions have the messages of a reliable publisher, a second at most."""
     with contextlib.suppress(Exception):  # the context may be over
-        publisher.wait_for_all_acked(ros.duration.Duration(seconds=_LAST_WORDS))
+        publisher.wait_for_all_acked(ros.duration.Duration(seconds=_SEND_TIMEOUT))
 
 
 class Spinner:
@@ -76,15 +75,15 @@ class Spinner:
             self._thread.start()
 
     def remove(self, node: Any) -> None:
-        """Run them no more."""
+        """Stop running the callbacks of a node."""
         self._executor.remove_node(node)
 
     def close(self) -> None:
         """End the thread; call it from another one, because it may block for seconds."""
         self._is_closed = True
-        self._executor.shutdown(timeout_sec=_JOIN)
+        self._executor.shutdown(timeout_sec=_JOIN_TIMEOUT)
         if self._thread.is_alive():
-            self._thread.join(_JOIN)
+            self._thread.join(_JOIN_TIMEOUT)
 
     def _spin(self) -> None:
         while not self._is_closed and self._context.ok():

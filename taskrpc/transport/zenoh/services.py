@@ -56,8 +56,8 @@ class NativeServer:
 
     def _arrived(self, query: zenoh.Query) -> None:
         data, sent = query.payload, query.attachment
-        told = attachment.parse(sent.to_bytes()) if sent is not None else None
-        if told is None:
+        attached = attachment.parse(sent.to_bytes()) if sent is not None else None
+        if attached is None:
             refuse(query, "expected an attachment of 33 bytes, as rmw_zenoh sends it")
             return
         try:
@@ -66,7 +66,7 @@ class NativeServer:
         except InvalidRequest as error:
             refuse(query, f"the request is not valid: {error}")
             return
-        self._serve(request, Reply(query, self._key, told))
+        self._serve(request, Reply(query, self._key, attached))
 
 
 def refuse(query: zenoh.Query, reason: str) -> None:
@@ -83,10 +83,10 @@ class Reply:
 
     caller = ""
 
-    def __init__(self, query: zenoh.Query, key: str, told: Attachment) -> None:
+    def __init__(self, query: zenoh.Query, key: str, attached: Attachment) -> None:
         self._query = query
         self._key = key
-        self._told = told
+        self._request = attached
 
     def reply(self, response: Any) -> None:
         """Send the response message."""
@@ -95,8 +95,8 @@ class Reply:
         except (ValueError, TypeError) as error:
             refuse(self._query, f"the response is not valid: {error}")
             raise InvalidRequest("", str(error)) from None
-        told = self._told
-        about = attachment.pack(told.sequence, time.time_ns(), told.gid)
+        request = self._request
+        about = attachment.pack(request.sequence, time.time_ns(), request.gid)
         try:
             with self._query as query:
                 query.reply(self._key, data, attachment=about, express=True)

@@ -60,7 +60,7 @@ def test_same_graph_is_no_change(graph):
     assert not graph.read([])
 
 
-def test_look_reports_news_for_some_time_after_a_change(graph, ros):
+def test_look_returns_the_nodes_for_some_time_after_a_change(graph, ros):
     assert graph.look() == ["_taskrpc_" + "0" * 16, "arm"]
     looks = [graph.look() for _ in range(30)]
     assert looks[0] is not None  # DDS tells later which node has what

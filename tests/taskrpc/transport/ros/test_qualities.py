@@ -38,7 +38,7 @@ def test_foreign_endpoint_has_the_values_of_the_graph():
             depth=0, reliability=Policy.BEST_EFFORT, durability=Policy.TRANSIENT_LOCAL
         ),
     )
-    seen = qualities.seen_topic(Ros(), "/t", "/n", info)
+    seen = qualities.topic_endpoint(Ros(), "/t", "/n", info)
     assert seen == TopicEndpoint(
         "/t", "std_msgs/msg/String", "RIHS01_" + "ab" * 32, "/n", 1, False, True
     )
