@@ -55,7 +55,9 @@ class Publisher(Generic[MsgT]):
         self.topic_name = name
         self.qos = qos
         own = named(msg_type, name, node, qos)
-        self._run_on_loop = transport.hand_over
+        self._transport = transport
+        self._announced = own
+        """What other processes see."""
         self._sender = transport.create_publisher(own, msg_type, role, on_mismatch)
         self._forget = forget
         self._loop = asyncio.get_running_loop()
@@ -119,6 +121,7 @@ class Publisher(Generic[MsgT]):
                 self._destroyed = True
             self._send_pending()
             self._sender.close()
+            self._transport.publisher_closed(self._announced)
             self._forget(self)
 
     def _warn_if_loop_is_blocked(self) -> None:
@@ -159,7 +162,7 @@ class Publisher(Generic[MsgT]):
             self._refuse_destroyed()
             self._pending.append(body)
             if len(self._pending) == 1:
-                self._run_on_loop(self._send_pending)
+                self._transport.hand_over(self._send_pending)
 
     def _send_pending(self) -> None:
         with self._room:
@@ -216,15 +219,18 @@ class Subscription(Generic[MsgT]):
         """Whether messages wait longer than one iteration of the loop, or were dropped."""
         self._invalid = 0
         """How many messages could not be decoded."""
-        self._receiver = transport.create_subscription(
-            named(msg_type, name, node, qos), msg_type, self._arrived, on_mismatch
-        )
+        self._transport = transport
+        own = named(msg_type, name, node, qos)
+        self._receiver = transport.create_subscription(own, msg_type, self._arrived, on_mismatch)
+        self._announced = [own]
+        """What other processes see."""
         self._elsewhere: TopicSubscription | None = None
         """The subscription of the topic `otherwise`, if there is one."""
         if otherwise:
             there = named(msg_type, otherwise, node, qos)
             arrived = self._arrived_elsewhere
             self._elsewhere = transport.create_subscription(there, msg_type, arrived, on_mismatch)
+            self._announced.append(there)
 
     def get_publisher_count(self) -> int:
         """Return how many publishers send messages to it."""
@@ -258,6 +264,8 @@ class Subscription(Generic[MsgT]):
             self._receiver.close()
             if self._elsewhere is not None:
                 self._elsewhere.close()
+            for each in self._announced:
+                self._transport.subscription_closed(each)
             self._runner.close()
             self._forget(self)
 

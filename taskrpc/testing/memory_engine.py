@@ -319,7 +319,7 @@ class _Ignored:
 
 
 class _NoOtherProcess:
-    """The surroundings of the bus's topics: all publishers and subscriptions are on the bus."""
+    """The context of the bus's topics: all publishers and subscriptions are on the bus."""
 
     id = b""
     address = ""
@@ -329,8 +329,6 @@ class _NoOtherProcess:
         self.network: Any = self
         self.dialler: Any = None
         self.availability = Availability(self)
-
-    def publish(self, change: EntryChange, *, claim: str = "") -> None: ...
 
     def publishing(self, topics: Collection[str]) -> list[Any]:
         return []

@@ -9,8 +9,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Callable
-from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import msgspec
 
@@ -36,7 +35,7 @@ from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, Trac
 from taskrpc.transport.discovery.registry import this_process
 from taskrpc.transport.limits.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.limits.log_throttling import LimitedLog
-from taskrpc.transport.network import Address, Network, no_server
+from taskrpc.transport.network import Address, NativeSide, Network, no_server
 from taskrpc.transport.offer_table import OfferTable
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import (
@@ -59,6 +58,8 @@ if TYPE_CHECKING:
     from taskrpc.wire.statistics import Statistics
 
 log = logging.getLogger("taskrpc.transport")
+
+_Item = TypeVar("_Item", TopicPublisher, TopicSubscription)
 
 TICK = 1.0
 """Seconds between two checks of each connection."""
@@ -205,26 +206,39 @@ class Endpoint(ThreadHandoff):
         `role` is the lowest role of a subscriber. A subscription that does not match is logged, or
         reported to `on_mismatch`.
         """
-        if self.network.native is not None:
-            gone = partial(self.publish, EntryChange(publisher=named, gone=True))
-            publisher = self.network.native.create_publisher(named, msg_type, on_mismatch, gone)
-            self.publish(EntryChange(publisher=named))
-            return publisher
-        self._listen()
-        return self.topics.create_publisher(named, msg_type, role, on_mismatch)
+        native = self.network.native
+        publisher: TopicPublisher
+        if native is None:
+            self._listen()
+            publisher = self.topics.create_publisher(named, msg_type, role, on_mismatch)
+        else:
+            publisher = native.create_publisher(named, msg_type, on_mismatch)
+        return self._published(EntryChange(publisher=named), publisher)
+
+    def publisher_closed(self, named: TopicEndpoint) -> None:
+        """Withdraw the announcement of a publisher."""
+        self.publish(EntryChange(publisher=named, gone=True))
 
     def create_subscription(
         self, named: TopicEndpoint, msg_type: Any, deliver: Any, on_mismatch: Any = None
     ) -> TopicSubscription:
         """Create a subscription; a publisher that does not match is logged or reported."""
-        if self.network.native is not None:
-            gone = partial(self.publish, EntryChange(subscription=named, gone=True))
-            subscription = self.network.native.create_subscription(
-                named, msg_type, deliver, on_mismatch, gone
-            )
-            self.publish(EntryChange(subscription=named))
-            return subscription
-        return self.topics.create_subscription(named, msg_type, deliver, on_mismatch)
+        topics: Topics | NativeSide = self.network.native or self.topics
+        subscription = topics.create_subscription(named, msg_type, deliver, on_mismatch)
+        return self._published(EntryChange(subscription=named), subscription)
+
+    def subscription_closed(self, named: TopicEndpoint) -> None:
+        """Withdraw the announcement of a subscription."""
+        self.publish(EntryChange(subscription=named, gone=True))
+
+    def _published(self, change: EntryChange, item: _Item) -> _Item:
+        """Announce a publisher or subscription; close it if that is not possible."""
+        try:
+            self.publish(change)
+        except BaseException:
+            item.close()
+            raise
+        return item
 
     @property
     def topics(self) -> Topics:

@@ -72,13 +72,9 @@ class NativeSide(Protocol):
         """Note a class with which this program calls; native servers may have the same type."""
 
     def create_publisher(
-        self,
-        named: TopicEndpoint,
-        msg_type: Any,
-        on_mismatch: OnMismatch | None,
-        on_close: Callable[[], object],
+        self, named: TopicEndpoint, msg_type: Any, on_mismatch: OnMismatch | None
     ) -> TopicPublisher:
-        """Create a publisher; `on_close` is called when it is closed."""
+        """Create a publisher. Raises TaskRpcError if the middleware cannot."""
 
     def create_subscription(
         self,
@@ -86,9 +82,8 @@ class NativeSide(Protocol):
         msg_type: Any,
         deliver: Deliver,
         on_mismatch: OnMismatch | None,
-        on_close: Callable[[], object],
     ) -> TopicSubscription:
-        """Create a subscription; `on_close` is called when it is closed."""
+        """Create a subscription. Raises TaskRpcError if the middleware cannot."""
 
 
 class Network(Protocol):

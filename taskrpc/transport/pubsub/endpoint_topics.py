@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import Deliver, OnMismatch
-from taskrpc.transport.discovery.entries import EntryChange
 from taskrpc.transport.pubsub.publishing import LocalPublisher, RemoteSubscriber, RemoteSubscription
 from taskrpc.transport.pubsub.subscribing import LocalSubscription, SubscriptionLink, TopicsContext
 from taskrpc.wire import topics as wire
@@ -57,7 +56,6 @@ class Topics:
         on_mismatch: OnMismatch | None = None,
     ) -> LocalPublisher:
         """Create a publisher, and match it with the known subscriptions."""
-        self._context.publish(EntryChange(publisher=named))
         number = self._number_for(named.name)
         each = LocalPublisher(self, named, msg_type, number, role, on_mismatch)
         _put(self._local_publishers, named.name, each)
@@ -87,7 +85,6 @@ class Topics:
             for feed in publisher.feeds.values():
                 publisher.lost += len(feed.waiting)
                 feed.drop_waiting()
-            self._context.publish(EntryChange(publisher=named, gone=True))
             self._announce_soon(named.name)
 
     def subscriber_of(self, connection: ServingConnection) -> SubscriberEvents:
@@ -144,7 +141,6 @@ class Topics:
         on_mismatch: OnMismatch | None = None,
     ) -> LocalSubscription:
         """Create a subscription, and search for publishers of its topic."""
-        self._context.publish(EntryChange(subscription=named))
         self._last_subscription += 1
         each = LocalSubscription(
             self, named, msg_type, self._last_subscription, deliver, on_mismatch
@@ -169,7 +165,6 @@ class Topics:
                     publisher.matches_changed()
             for link in self._links.values():
                 link.forget(subscription)
-            self._context.publish(EntryChange(subscription=named, gone=True))
             if not self._local_subscriptions and self._search is not None:
                 self._search.cancel()
                 self._search = None

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from taskrpc.transport.connection.client_side import CallingConnection
     from taskrpc.transport.connection.dialling import Dialler
     from taskrpc.transport.discovery.availability import Availability
-    from taskrpc.transport.discovery.entries import EntryChange
 
 MAX_WARNINGS = 100
 """Warnings of one subscription; a peer could cause any number of mismatches."""
@@ -49,9 +48,6 @@ class TopicsContext(Protocol):
     dialler: Dialler
     availability: Availability
     address: str
-
-    def publish(self, change: EntryChange, *, claim: str = "") -> None:
-        """Publish a change of this process's registry entry."""
 
 
 class SubscriptionTopics(Protocol):

@@ -14,7 +14,6 @@ import contextlib
 import itertools
 import logging
 from collections import deque
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -30,12 +29,8 @@ from taskrpc.errors import (
 from taskrpc.observer import call_observer
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import (
-    Deliver,
     IncomingCall,
     Offer,
-    OnMismatch,
-    TopicPublisher,
-    TopicSubscription,
 )
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.connection.deadline_timer import clock_of
@@ -44,7 +39,7 @@ from taskrpc.transport.engine import Cancelable, Closable, ForeignServer, Native
 from taskrpc.transport.memory import Hub, MemoryNetwork
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.settings import Settings
-from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
+from taskrpc.wire.messages import ServiceEndpoint
 from taskrpc.wire.status import code_of
 
 log = logging.getLogger("taskrpc.transport")
@@ -73,6 +68,9 @@ class Native:
         self._inner_network: MemoryNetwork | None = None
         self._closed = False
         self._numbers = itertools.count(1)
+        self.create_publisher = engine.create_publisher
+        """Of `NativeSide`: topics are the engine's own."""
+        self.create_subscription = engine.create_subscription
 
     # NativeSide: services of this program
 
@@ -96,31 +94,6 @@ class Native:
         known = self._served.get(offer.name)
         if known is not None and known[0].offer is offer:
             known[0].offer = by
-
-    # NativeSide: topics
-
-    def create_publisher(
-        self,
-        named: TopicEndpoint,
-        msg_type: Any,
-        on_mismatch: OnMismatch | None,
-        on_close: Callable[[], object],
-    ) -> TopicPublisher:
-        """Create a publisher; `on_close` is called when it is closed."""
-        publisher = self._engine.create_publisher(named, msg_type, on_mismatch)
-        return _ClosingPublisher(publisher, on_close)
-
-    def create_subscription(
-        self,
-        named: TopicEndpoint,
-        msg_type: Any,
-        deliver: Deliver,
-        on_mismatch: OnMismatch | None,
-        on_close: Callable[[], object],
-    ) -> TopicSubscription:
-        """Create a subscription; `on_close` is called when it is closed."""
-        subscription = self._engine.create_subscription(named, msg_type, deliver, on_mismatch)
-        return _ClosingSubscription(subscription, on_close)
 
     # Foreign services
 
@@ -345,77 +318,3 @@ class _ForeignService:
     def _begin_next(self) -> None:
         while self._waiting and len(self._running) < MOST_IN_FLIGHT:
             self._begin(self._waiting.popleft())
-
-
-class _ClosingPublisher:
-    """A native publisher that tells its endpoint when it is closed."""
-
-    def __init__(self, publisher: TopicPublisher, on_close: Callable[[], object]) -> None:
-        self._publisher = publisher
-        self._on_close = on_close
-        # Attributes instead of methods: a method would add a function call to each message.
-        self.encode = publisher.encode
-        self.publish = publisher.publish
-        self.forget_latched = publisher.forget_latched
-
-    @property
-    def matched(self) -> int:
-        """How many subscriptions get its messages."""
-        return self._publisher.matched
-
-    @property
-    def sent(self) -> int:
-        """The number of messages so far."""
-        return self._publisher.sent
-
-    @property
-    def lost(self) -> int:
-        """Messages that were dropped."""
-        return self._publisher.lost
-
-    @property
-    def on_matched(self) -> Callable[[], object]:
-        """Called on the loop when the matched subscriptions have changed."""
-        return self._publisher.on_matched
-
-    @on_matched.setter
-    def on_matched(self, action: Callable[[], object]) -> None:
-        self._publisher.on_matched = action
-
-    def close(self) -> None:
-        """End the publisher."""
-        self._publisher.close()
-        self._on_close()
-
-
-class _ClosingSubscription:
-    """A native subscription that tells its endpoint when it is closed."""
-
-    def __init__(self, subscription: TopicSubscription, on_close: Callable[[], object]) -> None:
-        self._subscription = subscription
-        self._on_close = on_close
-        self.decode = subscription.decode
-
-    @property
-    def matched(self) -> int:
-        """How many publishers send messages to it."""
-        return self._subscription.matched
-
-    @property
-    def lost(self) -> int:
-        """Messages of these publishers that did not arrive."""
-        return self._subscription.lost
-
-    @property
-    def on_matched(self) -> Callable[[], object]:
-        """Called on the loop when the matched publishers have changed."""
-        return self._subscription.on_matched
-
-    @on_matched.setter
-    def on_matched(self, action: Callable[[], object]) -> None:
-        self._subscription.on_matched = action
-
-    def close(self) -> None:
-        """End the subscription."""
-        self._subscription.close()
-        self._on_close()
