@@ -22,6 +22,7 @@ import taskrpc
 from taskrpc import errors
 from taskrpc.cli import call, main, server
 from taskrpc.cli.shared import parsing
+from taskrpc.tasks.managed_robot import ManagedRobot
 from taskrpc.tasks.server import OfferedTasks
 from taskrpc.wire import frames, status
 from tests.docs.markdown import Page, read_page
@@ -41,7 +42,7 @@ NOT_RUN = {
     "docs/how-to/reach-another-machine.md": 8,
     "docs/how-to/teach-a-class.md": 12,
     "docs/explanation/from-one-laptop-to-a-fleet.md": 1,
-    "docs/how-to/run-a-fleet.md": 5,
+    "docs/how-to/run-a-fleet.md": 7,
     "docs/how-to/run-ros-programs.md": 1,
     "docs/how-to/paste-ros2-lines.md": 2,
     "docs/how-to/take-a-program-to-a-robot.md": 1,
@@ -225,6 +226,8 @@ NOT_CONSTRUCTED = {
 }
 """Protocols, and classes whose objects only taskrpc creates: their constructors are not public."""
 
+OWN_BASES = OfferedTasks, ManagedRobot
+"""Bases whose members the reference lists with their subclasses."""
 ERRORS = {name for name, value in vars(errors).items() if inspect.isclass(value) and name[0] != "_"}
 
 
@@ -255,7 +258,7 @@ def _interface_of(value: Any, name: str) -> Iterator[str]:
         return
     yield name if name in NOT_CONSTRUCTED else _signature(value, name)
     ours = [each for each in value.__mro__[1:] if each.__module__.startswith("taskrpc.")]
-    bases = [each for each in ours if each.__name__.startswith("_") or each is OfferedTasks]
+    bases = [each for each in ours if each.__name__.startswith("_") or each in OWN_BASES]
     members = itertools.chain.from_iterable(vars(each).items() for each in (value, *bases))
     for member, found in members:
         if member.startswith("_"):

@@ -33,7 +33,7 @@ class Report(msgspec.Struct, frozen=True):
     """Real seconds until its task ends."""
     progress: float = 0.0
     pose: Pose | None = None
-    """Its pose if it is idle."""
+    """Where it is."""
 
 
 class LeaseKeeper:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
-import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextvars import copy_context
 from functools import partial
@@ -11,26 +11,26 @@ from functools import partial
 from taskrpc.errors import TaskRpcError
 from taskrpc.fleet import rules
 from taskrpc.fleet.lease import LeaseKeeper, Report
-from taskrpc.fleet.model import LEASE, Capabilities, RobotRecord
+from taskrpc.fleet.model import LEASE, RobotRecord
+from taskrpc.fleet.offers import waits_for
+from taskrpc.fleet.own_robot import OwnRobot
 from taskrpc.fleet.plan import HORIZON, FleetPlan, Planned
 from taskrpc.fleet.records import FleetRecords
 from taskrpc.fleet.state import FleetState
 from taskrpc.fleet.store import FleetStore, RequestKey
 from taskrpc.fleet.worker import FleetWorker
-from taskrpc.robot.protocol import Plan, Pose, Robot
+from taskrpc.robot.protocol import Robot
 from taskrpc.tasks.managed import Completing, QueueSettings
 from taskrpc.tasks.managed_robot import ManagedRobot
 from taskrpc.tasks.model import RUNNING_KEY, EstimateChange, OrderKey, Task, TaskState
 from taskrpc.tasks.queue.estimate_log import DelayLog
 from taskrpc.tasks.records.change_feed import ChangeFeed
 from taskrpc.tasks.responses import Resumed, TaskResponse, by_client, unstored_note
-from taskrpc.tasks.robot_guard import checked_plan
 from taskrpc.tasks.task_execution import TaskExecution
 
 _log = logging.getLogger("taskrpc.fleet")
 
 _PLAN_AGE = 0.2  # seconds for which a plan is used again
-_UNKNOWN = 30.0  # robot seconds that another robot is expected to need for what this one cannot do
 _FOLLOW_CANCEL = 1.0  # seconds to wait until another server has halted its robot
 
 
@@ -62,14 +62,8 @@ class FleetManager(ManagedRobot):
     ) -> None:
         super().__init__(robot)
         self._settings = settings = settings or FleetSettings()
-        capabilities = Capabilities(settings.capabilities)
         self.name = settings.name
-        if unused := capabilities.unused(robot.task_types, _places(robot)):
-            _log.warning(
-                "the capabilities %s allow nothing: this robot does %s; check the spelling",
-                " and ".join(unused),
-                ", ".join(robot.task_types),
-            )
+        self._own_robot = OwnRobot(self.name, self._robot_guard, settings.capabilities)
         self.address: Callable[[], str] = lambda: ""
         """Returns where the server listens, for the error texts of other servers."""
         self.store = store
@@ -83,7 +77,7 @@ class FleetManager(ManagedRobot):
         """Empty: a fleet keeps no log of why estimates have changed."""
         self.lease = LeaseKeeper(
             store,
-            self._record(),
+            self._own_robot.record(),
             settings.lease,
             report=self._report,
             on_end=self._lease_ended,
@@ -96,24 +90,13 @@ class FleetManager(ManagedRobot):
             store,
             self.repository,
             self.lease,
-            self._plan_for,
+            self._own_robot.plan,
+            self._own_robot.wrong_target,
             settle=settings.settle,
         )
         self._plan: tuple[int, FleetPlan] | None = None
         """The plan version of the state, and the last plan."""
         store.listeners.append(self._changed)
-
-    def _record(self) -> RobotRecord:
-        robot = self._robot_guard.robot
-        return RobotRecord(
-            name=self.name,
-            server=os.urandom(8).hex(),
-            task_types=tuple(robot.task_types),
-            capabilities=self._settings.capabilities,
-            places=_places(robot),
-            speed=self._robot_guard.speed,
-            pose=self._robot_guard.pose(),
-        )
 
     # Start and end
 
@@ -149,11 +132,11 @@ class FleetManager(ManagedRobot):
         self._worker.lease_ended()
 
     def _report(self) -> Report:
-        execution = self._worker.execution
+        execution, pose = self._worker.execution, self._robot_guard.pose()
         if execution is None:
-            return Report(pose=self._robot_guard.pose())
+            return Report(pose=pose)
         remaining = execution.remaining() / self._robot_guard.speed
-        return Report(max(remaining, 1e-6), execution.task.progress)
+        return Report(max(remaining, 1e-6), execution.task.progress, pose)
 
     def _changed(self, task_ids: Sequence[int]) -> None:
         self._worker.look()
@@ -208,6 +191,16 @@ class FleetManager(ManagedRobot):
             return ""
         planned = rules.end_of(self.store.state, self._present_plan(), task)
         return planned.robot if isinstance(planned, Planned) else ""
+
+    def waits_for(self, task: Task) -> str:
+        """Return which robots a queued task waits for while none of them works."""
+        if task.state is not TaskState.QUEUED:
+            return ""
+        return waits_for(self.store.state, self.store.now(), task)
+
+    def robots(self) -> Sequence[RobotRecord]:
+        """Return the fleet's robots that run, or have run lately, sorted by name."""
+        return self.store.state.known_robots(self.store.now())
 
     def update_estimates(self) -> None:
         """Do nothing: estimates are computed when they are asked for."""
@@ -274,7 +267,7 @@ class FleetManager(ManagedRobot):
                 now,
                 task,
                 account=account,
-                refusal=partial(self._refusal, state, now),
+                refusal=partial(self._own_robot.refusal, state, now),
                 queue_limit=settings.queue_limit,
                 share=settings.share,
                 estimated=partial(self._estimate_in, state, now),
@@ -333,45 +326,89 @@ class FleetManager(ManagedRobot):
                 now,
                 task_id,
                 resume=resume,
-                refusal=partial(self._refusal, state, now),
+                refusal=partial(self._own_robot.refusal, state, now),
                 queue_limit=self._settings.queue_limit,
                 estimated=partial(self._estimate_in, state, now),
             )
         )
 
-    async def pause(self) -> TaskResponse:
-        """Halt all robots during their tasks and begin no other task."""
-        try:
-            await self.store.transact(lambda state, now: rules.pause(state, True))
-        except TaskRpcError as error:  # at least this server's own robot halts
-            self._worker.is_held = True
-            await self._worker.pause()
-            return TaskResponse(True, f"Only {self.name} is paused{unstored_note(error)}")
-        return TaskResponse(True, "The queue is paused")
+    async def pause(self, *, robot: str = "") -> TaskResponse:
+        """Halt all robots during their tasks and begin no other task; or only one `robot`."""
 
-    async def resume(self) -> TaskResponse:
-        """Continue after a pause or a stop."""
-        await self.store.transact(lambda state, now: rules.pause(state, False))
-        if self._worker.is_held:
+        def action(state: FleetState, now: float) -> TaskResponse:
+            if robot:
+                return rules.pause_robot(state, now, robot, True)
+            rules.pause(state, True)
+            return TaskResponse(True, "The queue is paused")
+
+        try:
+            return await self.store.transact(action)
+        except TaskRpcError as error:  # at least this server's own robot halts
+            if robot not in ("", self.name):
+                raise
+            self._worker.is_held = True
+            failure = ""
+            with contextlib.suppress(TaskRpcError):  # the robot has halted before it is stored
+                failure = await self._worker.pause()
+            if failure:
+                return TaskResponse(False, f"Only {self.name} is paused, but {failure}")
+            return TaskResponse(True, f"Only {self.name} is paused{unstored_note(error)}")
+
+    async def resume(self, *, robot: str = "") -> TaskResponse:
+        """Continue after a pause or a stop of all robots, or of one `robot`.
+
+        Robots that were paused by name stay paused until they are resumed by name.
+        """
+
+        def action(state: FleetState, now: float) -> TaskResponse:
+            if robot:
+                return rules.pause_robot(state, now, robot, False)
+            rules.pause(state, False)
+            paused = rules.paused_robots(state)
+            note = f"; still paused by name: {', '.join(paused)}" if paused else ""
+            hint = f" (taskrpc task resume --robot {paused[0]})" if paused else ""
+            return TaskResponse(True, f"The queue is resumed{note}{hint}")
+
+        response = await self.store.transact(action)
+        if self._worker.is_held and robot in ("", self.name):
             self._worker.is_held = False
             await self._worker.resume()
-        return TaskResponse(True, "The queue is resumed")
+        return response
 
-    async def stop(self, *, client: str = "") -> TaskResponse:
-        """Halt all robots at once and pause the queue; the running tasks end CANCELED."""
-        reason = by_client("the robots were stopped", client)
-        # This server's own robot does not wait for the database, and begins no other task.
-        self._worker.is_held = True
-        failure = await self._worker.halt(reason)
-        note = ""
+    async def stop(self, *, client: str = "", robot: str = "") -> TaskResponse:
+        """Halt all robots at once and pause the queue, or halt and pause one `robot`.
+
+        The running tasks end CANCELED.
+        """
+        reason = by_client(f"{robot} was stopped" if robot else "the robots were stopped", client)
+        failure = ""
+        if is_own := robot in ("", self.name):
+            # This server's own robot does not wait for the database, and begins no other task.
+            self._worker.is_held = True
+            failure = await self._worker.halt(reason)
+
+        def action(state: FleetState, now: float) -> TaskResponse:
+            if robot:
+                return rules.stop_robot(state, now, robot, reason)
+            rules.stop(state, reason)
+            return TaskResponse(True, "The robots are stopped and the queue is paused")
+
+        stopped = self.store.state.robots.get(robot)
         try:
-            await self.store.transact(lambda state, now: rules.stop(state, reason))
-            self._worker.is_held = False  # now the whole queue is paused
+            response = await self.store.transact(action)
         except TaskRpcError as error:
-            note = f"; only {self.name} was stopped{unstored_note(error)}"
+            if not is_own:
+                raise
+            problem = f"only {self.name} was stopped{unstored_note(error)}"
+            return TaskResponse(False, f"{failure}; {problem}" if failure else problem)
+        if is_own:
+            self._worker.is_held = False  # now the database holds it
         if failure:
-            return TaskResponse(False, f"The queue is paused, but {failure}{note}")
-        return TaskResponse(not note, f"The robots are stopped and the queue is paused{note}")
+            paused = f"{robot} is paused" if robot else "The queue is paused"
+            return TaskResponse(False, f"{paused}, but {failure}")
+        if stopped is not None and stopped.task_id:
+            await self._ended_soon(stopped.task_id)
+        return response
 
     # Internals
 
@@ -383,20 +420,13 @@ class FleetManager(ManagedRobot):
                 return
             await self.change_feed.wait_for_change(self.change_feed.revision, left)
 
-    def _plan_for(self, robot: RobotRecord, task_type: str, target: str, pose: Pose) -> Plan | None:
-        """Return a robot's plan, by this server's own robot; see `Planner`."""
-        try:
-            return checked_plan(self._robot_guard.robot, task_type, target, pose)
-        except Exception:  # a robot of the user's own may raise anything
-            return None if robot.name == self.name else Plan(_UNKNOWN, pose)
-
     def _present_plan(self) -> FleetPlan:
         state, now = self.store.state, self.store.now()
         if self._plan is not None:
             version, plan = self._plan
             if version == state.plan_version and now - plan.made_at < _PLAN_AGE:
                 return plan
-        plan = rules.planned(state, now, self._plan_for, self.name)
+        plan = rules.planned(state, now, self._own_robot.plan, self.name)
         self._plan = state.plan_version, plan
         return plan
 
@@ -413,34 +443,3 @@ class FleetManager(ManagedRobot):
         if end is None:
             return 0.0
         return (end.ends if isinstance(end, Planned) else end) - self.store.now()
-
-    def _refusal(self, state: FleetState, now: float, task_type: str, target: str) -> str:
-        """Return why no robot can execute a task, "" if one can."""
-        robot, own = self._robot_guard.robot, state.robots.get(self.name)
-        able = state.abilities().of(task_type, target)
-        others = {each.name for each in state.live_robots(now)} & able - {self.name}
-        known = {place for each in state.robots.values() for place in each.places}
-        if others and target.strip() in known:
-            return ""  # a place on another robot's map, perhaps not on this one's
-        if task_type in robot.task_types and own is not None:
-            if refusal := self._robot_guard.refusal(task_type, target):
-                return refusal
-            if self.name in able:
-                return ""  # even if its lease has just ended: this server runs and will renew it
-        return rules.refuse_unable(state, now, task_type, target)
-
-
-def _places(robot: Robot) -> tuple[str, ...]:
-    """Return the named places that a robot with a map reaches."""
-    places = getattr(getattr(robot, "world", None), "places", None)
-    types = tuple(robot.task_types)
-    if not isinstance(places, dict) or not types:
-        return ()
-    reached = []
-    for place in places:
-        try:
-            robot.plan(types[0], place, robot.pose())
-        except Exception:
-            continue
-        reached.append(place)
-    return tuple(sorted(reached))

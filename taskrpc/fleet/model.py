@@ -8,9 +8,12 @@ from fnmatch import fnmatchcase
 import msgspec
 
 from taskrpc.robot.protocol import Pose
+from taskrpc.robot.world import coordinates
 
 LEASE = 6.0
 """Seconds for which a robot belongs to its server after the server has renewed its lease."""
+REMEMBERED = 7 * 24 * 3600.0
+"""Seconds for which tasks are queued for a robot whose server does not run."""
 
 
 class Meta(msgspec.Struct, frozen=True):
@@ -39,6 +42,10 @@ class RobotRecord(msgspec.Struct, frozen=True, kw_only=True):
     """The id of the server that drives it, drawn at random when the server started."""
     address: str = ""
     """Where that server listens, for error texts."""
+    host: str = ""
+    """The name of the machine on which that server runs, for error texts."""
+    pid: int = 0
+    """That server's process there, for error texts."""
     epoch: int = 1
     """Counts the leases: a server writes only while its robot still has the server's epoch."""
     lease_until: float = 0.0
@@ -50,6 +57,10 @@ class RobotRecord(msgspec.Struct, frozen=True, kw_only=True):
     """What it may do, as the operator wrote it; see `Capabilities`. "" for everything."""
     places: tuple[str, ...] = ()
     """The named places that it reaches; empty if it does not tell."""
+    size: tuple[float, float] | None = None
+    """Width and height of its map in metres; None if it does not tell."""
+    tells_all: bool = False
+    """Whether it reaches nothing else than `places`, and x,y on its map if it has a `size`."""
     speed: float = 1.0
     """Robot seconds in a real second."""
     pose: Pose = Pose(0.0, 0.0, 0.0)
@@ -58,10 +69,35 @@ class RobotRecord(msgspec.Struct, frozen=True, kw_only=True):
     """When it will have ended its task; an instant in the past if it is free."""
     task_id: int = 0
     """The task that it executes; 0 for none."""
+    at: Pose | None = None
+    """Where it was when the lease was renewed last."""
+    paused: bool = False
+    """Whether it may begin no task until an operator resumes this robot."""
+    halts: int = 0
+    """Counts the requests to halt this robot at once."""
+    halt_reason: str = ""
+    """The message of the task that the last of these requests ended."""
 
     def is_live(self, now: float) -> bool:
         """Return whether its server holds a lease."""
         return not self.is_gone and self.lease_until > now
+
+    @property
+    def process(self) -> str:
+        """Where its server runs, for error texts: process, machine and address."""
+        parts = [f"process {self.pid}"] if self.pid else []
+        parts += [f"on {self.host}"] if self.host else []
+        parts += [f"at {self.address}"] if self.address else []
+        return " ".join(parts)
+
+    def offer(self) -> str:
+        """Return which tasks it executes, for refusals: `move or scan at attic, dock or x,y`."""
+        types = " or ".join(", ".join(self.task_types).rsplit(", ", 1))
+        targets = list(self.places)
+        if self.size is not None:
+            targets.append(f"x,y up to {self.size[0]:g},{self.size[1]:g}")
+        text = f"{types} at {' or '.join(', '.join(targets).rsplit(', ', 1))}" if targets else types
+        return f"{text}, limited to {self.capabilities}" if self.capabilities else text
 
 
 class Capabilities:
@@ -93,6 +129,15 @@ class Capabilities:
             for types, targets in self._rules
         )
 
+    def name(self, task_type: str, target: str) -> bool:
+        """Return whether a part with a target of its own allows this task."""
+        return any(
+            targets != "*"
+            and fnmatchcase(task_type, types)
+            and fnmatchcase(target.strip(), targets)
+            for types, targets in self._rules
+        )
+
     def unused(self, task_types: Iterable[str], places: Collection[str]) -> list[str]:
         """Return the parts that allow a robot nothing, probably because of a misspelling.
 
@@ -117,6 +162,21 @@ class Abilities:
         self._places = frozenset(place for robot in robots for place in robot.places)
         self._known: dict[tuple[str, str], frozenset[str]] = {}
 
+    def certain(self, task_type: str, target: str) -> frozenset[str]:
+        """Return the names of the robots whose records say that they can execute a task.
+
+        A robot that tells nothing about its targets may be able to execute others too: only its own
+        server knows.
+        """
+        able = self.of(task_type, target)
+        return frozenset(name for name in able if self._says(name, task_type, target.strip()))
+
+    def _says(self, name: str, task_type: str, target: str) -> bool:
+        robot = self._robots[name]
+        if target in robot.places or self._capabilities[name].name(task_type, target):
+            return True
+        return robot.size is not None and coordinates(target) is not None
+
     def of(self, task_type: str, target: str) -> frozenset[str]:
         """Return the names of the robots that can execute a task."""
         key = task_type, target
@@ -132,11 +192,21 @@ class Abilities:
         robot = self._robots[name]
         if task_type not in robot.task_types:
             return False
-        # A place that only other robots know is out of reach; all other targets, such as
-        # coordinates, are for the robot itself to judge.
-        if robot.places and target in self._places and target not in robot.places:
-            return False
-        return self._capabilities[name].allow(task_type, target)
+        return _may_reach(robot, target, self._places) and self._capabilities[name].allow(
+            task_type, target
+        )
+
+
+def _may_reach(robot: RobotRecord, target: str, known: Collection[str]) -> bool:
+    """Return whether a robot's record allows a target; `known` are the places of all robots."""
+    if target in robot.places:
+        return True
+    if robot.size is not None and (point := coordinates(target)) is not None:
+        return all(0.0 <= value <= most for value, most in zip(point, robot.size, strict=True))
+    if robot.tells_all:
+        return False
+    # A place that only other robots know is out of reach; the robot itself judges other targets.
+    return not robot.places or target not in known
 
 
 _REMEMBERED = 4096

@@ -55,6 +55,9 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
         ADD COLUMN stored_at timestamptz NOT NULL DEFAULT clock_timestamp()
         """,
     ),
+    # version 3: no other tables. Records of robots have fields that an earlier program would ignore
+    # and lose, such as `paused`.
+    (),
 )
 """The statements that lead from each version to the next one. Released ones are never changed."""
 

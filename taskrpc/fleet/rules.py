@@ -6,12 +6,15 @@ seconds since 1970: no server's clock decides anything.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import islice
+from typing import TypeAlias
 
 import msgspec
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.fleet.model import RobotRecord
+from taskrpc.fleet.offers import waits_for
 from taskrpc.fleet.plan import HORIZON, FleetPlan, Planned, Planner
 from taskrpc.fleet.state import FleetState
 from taskrpc.robot.protocol import Plan, Pose
@@ -20,13 +23,13 @@ from taskrpc.tasks.responses import (
     SERVER_ENDED,
     TaskResponse,
     by_client,
+    printable,
     priority_refusal,
     queue_full,
     refused,
     requeue_refusal,
     share_full,
     task_queued,
-    unknown_type,
 )
 
 
@@ -42,6 +45,10 @@ class NameTaken(TaskRpcError):
     not_executed = True
 
 
+Refusal: TypeAlias = Callable[[str, str], str]
+"""Returns why a task type at a target cannot be executed, "" if it can."""
+
+
 # Leases
 
 
@@ -55,7 +62,7 @@ def join(state: FleetState, now: float, robot: RobotRecord, lease: float) -> Rob
     epoch = 1
     if before is not None:
         if before.is_live(now) and before.server != robot.server:
-            where = f" at {before.address}" if before.address else ""
+            where = f" ({before.process})" if before.process else ""
             raise NameTaken(
                 f"another server{where} drives {robot.name!r}: give each robot of the fleet a"
                 " name of its own with --robot-name; if that server has crashed, its lease ends in"
@@ -64,6 +71,8 @@ def join(state: FleetState, now: float, robot: RobotRecord, lease: float) -> Rob
         if before.task_id:
             _interrupt(state, now, before, SERVER_ENDED)
         epoch = before.epoch + 1
+        # An operator has paused the robot, not its server: a restart does not end that.
+        robot = msgspec.structs.replace(robot, paused=before.paused, halts=before.halts)
     joined = msgspec.structs.replace(
         robot, epoch=epoch, lease_until=now + lease, free_at=now, task_id=0, is_gone=False
     )
@@ -84,7 +93,7 @@ def renew(
 ) -> float:
     """Renew the lease, and note how the task proceeds; returns when the lease ends.
 
-    `remaining` is in real seconds, 0.0 if the robot was idle; then `pose` is where it was.
+    `remaining` is in real seconds, 0.0 if the robot was idle; `pose` is where it was.
 
     Raises:
         Fenced: the lease was taken away.
@@ -98,10 +107,11 @@ def renew(
         if task is not None and progress > task.progress:
             state.put_task(msgspec.structs.replace(task, progress=progress))
             is_news = True
-    elif not robot.task_id and pose is not None and pose != robot.pose:
+    elif not robot.task_id and not remaining and pose is not None and pose != robot.pose:
         robot = msgspec.structs.replace(robot, pose=pose)
         is_news = True
-    state.put_robot(msgspec.structs.replace(robot, lease_until=now + lease), is_news=is_news)
+    renewed = msgspec.structs.replace(robot, lease_until=now + lease, at=pose or robot.at)
+    state.put_robot(renewed, is_news=is_news)
     return now + lease
 
 
@@ -159,21 +169,26 @@ def _interrupt(state: FleetState, now: float, robot: RobotRecord, reason: str) -
 # Execution
 
 
-def may_claim(state: FleetState, now: float, name: str, planner: Planner) -> bool:
+def may_claim(state: FleetState, now: float, name: str, planner: Planner, refusal: Refusal) -> bool:
     """Return whether `claim` would probably change anything, by what this server knows."""
     robot = state.robots.get(name)
-    if robot is None or state.meta.paused or not len(state):
+    if robot is None or state.meta.paused or robot.paused or not len(state):
         return robot is not None and robot.task_id > 0
-    return robot.task_id > 0 or _next_task(state, now, robot, planner) is not None
+    return (
+        robot.task_id > 0
+        or _next_task(state, now, robot, planner) is not None
+        or any(_impossible(state, now, robot, refusal))
+    )
 
 
 def claim(
-    state: FleetState, now: float, name: str, epoch: int, planner: Planner
+    state: FleetState, now: float, name: str, epoch: int, planner: Planner, refusal: Refusal
 ) -> tuple[Task, Plan] | None:
     """Let an idle robot begin the task that the plan gives to it next; None if there is none.
 
     Returns the task, RUNNING, and its plan. A task that the robot has claimed before, without
-    having begun it, is put back first.
+    having begun it, is put back first. A task that only this robot could execute, and that its
+    `refusal` refuses, would wait for ever: it becomes FAILED.
 
     Raises:
         Fenced: the lease has ended.
@@ -182,8 +197,11 @@ def claim(
     robot = own(state, name, epoch)
     if robot.task_id:
         robot = _put_back(state, now, robot)
-    if state.meta.paused or not len(state):
+    if state.meta.paused or robot.paused or not len(state):
         return None
+    for refused_task, problem in list(_impossible(state, now, robot, refusal)):
+        failed = refused_task.started(now).ended(TaskState.FAILED, now, message=problem)
+        state.put_task(msgspec.structs.replace(failed, robot=name))
     task = _next_task(state, now, robot, planner)
     plan = planner(robot, task.task_type, task.target, robot.pose) if task else None
     if task is None or plan is None:
@@ -214,7 +232,7 @@ def _put_back(state: FleetState, now: float, robot: RobotRecord) -> RobotRecord:
 
 
 def _next_task(state: FleetState, now: float, robot: RobotRecord, planner: Planner) -> Task | None:
-    robots, abilities = state.live_robots(now), state.abilities()
+    robots, abilities = state.working_robots(now), state.abilities()
     plan = FleetPlan(state.queued_at, robots, abilities, now, planner, own=robot.name)
     if (planned := plan.first_of(robot.name)) is not None:
         return state.tasks[planned.task_id]
@@ -225,6 +243,18 @@ def _next_task(state: FleetState, now: float, robot: RobotRecord, planner: Plann
         if index >= HORIZON and robot.name in abilities.of(task.task_type, task.target):
             return task
     return None
+
+
+def _impossible(
+    state: FleetState, now: float, robot: RobotRecord, refusal: Refusal
+) -> Iterator[tuple[Task, str]]:
+    """Yield the queued tasks that only this robot could execute and that it refuses, with why."""
+    abilities, known = state.abilities(), {each.name for each in state.known_robots(now)}
+    for task in islice(state.queued(), HORIZON):
+        if abilities.of(task.task_type, task.target) & known == {robot.name}:
+            problem = refusal(task.task_type, task.target)
+            if problem:
+                yield task, problem
 
 
 def update(
@@ -259,9 +289,6 @@ def _is_same_end(before: Task, task: Task, name: str) -> bool:
 
 # Requests of clients
 
-Refusal = Callable[[str, str], str]
-"""Returns why no robot can execute a task type at a target, "" if a robot can."""
-
 
 def submit(
     state: FleetState,
@@ -290,14 +317,17 @@ def submit(
         task, task_id=meta.next_id, arrival=meta.next_arrival, submitted_at=now
     )
     state.set_meta(next_id=meta.next_id + 1, next_arrival=meta.next_arrival + 1)
-    return _queue(state, new, estimated)
+    return _queue(state, now, new, estimated)
 
 
-def _queue(state: FleetState, task: Task, estimated: Callable[[Task], float]) -> TaskResponse:
+def _queue(
+    state: FleetState, now: float, task: Task, estimated: Callable[[Task], float]
+) -> TaskResponse:
     state.put_task(task)
     seconds = estimated(task)
     state.put_task(msgspec.structs.replace(task, accepted_estimate=seconds))
-    return task_queued(task, seconds, paused=state.meta.paused)
+    note = waits_for(state, now, task)
+    return task_queued(task, seconds, paused=state.meta.paused, note=note)
 
 
 def _share_refusal(state: FleetState, task: Task, share: int) -> str:
@@ -379,7 +409,7 @@ def requeue(
     if not resume:
         arrival = state.meta.next_arrival
         state.set_meta(next_arrival=arrival + 1)
-    return _queue(state, task.requeued(now, arrival), estimated)
+    return _queue(state, now, task.requeued(now, arrival), estimated)
 
 
 def pause(state: FleetState, paused: bool) -> None:
@@ -393,22 +423,40 @@ def stop(state: FleetState, reason: str) -> None:
     state.set_meta(paused=True, halts=state.meta.halts + 1, halt_reason=reason)
 
 
-def refuse_unable(state: FleetState, now: float, task_type: str, target: str) -> str:
-    """Return why no robot can execute a task, "" if a robot with a lease can."""
-    able = state.abilities().of(task_type, target)
-    live = state.live_robots(now)
-    if any(robot.name in able for robot in live):
-        return ""
-    known = sorted({each for robot in live or state.robots.values() for each in robot.task_types})
-    what = f"{task_type} at {target.strip()}"
-    if able:
-        names = " and ".join(", ".join(sorted(able)).rsplit(", ", 1))
-        servers = "its server does not run" if len(able) == 1 else "their servers do not run"
-        return f"No robot can execute {what} now: only {names} can, and {servers}"
-    if task_type not in known:
-        return unknown_type(task_type, known)
-    names = ", ".join(robot.name for robot in live)
-    return f"No robot of the fleet ({names}) is able to execute {what}"
+def pause_robot(state: FleetState, now: float, name: str, paused: bool) -> TaskResponse:
+    """Remember whether an operator has paused one robot."""
+    robot = state.robots.get(name)
+    if robot is None:
+        return TaskResponse(False, _no_robot(state, name))
+    if robot.paused != paused:
+        state.put_robot(msgspec.structs.replace(robot, paused=paused))
+    notes = [] if robot.is_live(now) else ["its server does not run"]
+    if not paused and state.meta.paused:
+        notes.append("the queue is still paused (taskrpc task resume continues it)")
+    said = "paused; the other robots continue" if paused else "resumed"
+    return TaskResponse(True, "; ".join([f"{name} is {said}", *notes]))
+
+
+def stop_robot(state: FleetState, now: float, name: str, reason: str) -> TaskResponse:
+    """Let the server of one robot halt it at once, and pause this robot."""
+    robot = state.robots.get(name)
+    if robot is None:
+        return TaskResponse(False, _no_robot(state, name))
+    stopped = msgspec.structs.replace(robot, paused=True, halts=robot.halts + 1, halt_reason=reason)
+    state.put_robot(stopped)
+    if not robot.is_live(now):
+        return TaskResponse(True, f"{name} is paused; its server does not run")
+    return TaskResponse(True, f"{name} is stopped and paused; the other robots continue")
+
+
+def paused_robots(state: FleetState) -> list[str]:
+    """Return the names of the robots that an operator has paused by name."""
+    return sorted(robot.name for robot in state.robots.values() if robot.paused)
+
+
+def _no_robot(state: FleetState, name: str) -> str:
+    known = ", ".join(sorted(state.robots)) or "none yet"
+    return f"There is no robot {printable(name)!r} in the fleet (expected one of: {known})"
 
 
 def _done(message: str, task_id: int, estimate: float = 0.0) -> TaskResponse:
@@ -421,7 +469,7 @@ def _done(message: str, task_id: int, estimate: float = 0.0) -> TaskResponse:
 def planned(state: FleetState, now: float, planner: Planner, own: str) -> FleetPlan:
     """Return the plan of the present queue."""
     return FleetPlan(
-        state.queued_at, state.live_robots(now), state.abilities(), now, planner, own=own
+        state.queued_at, state.working_robots(now), state.abilities(), now, planner, own=own
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import msgspec
 
-from taskrpc.fleet.model import Abilities, Meta, RobotRecord
+from taskrpc.fleet.model import REMEMBERED, Abilities, Meta, RobotRecord
 from taskrpc.request_ids.ids import ClientKey, Completion
 from taskrpc.tasks.model import BEFORE_RUNNING_KEY, OrderKey, Task, TaskState
 
@@ -93,6 +93,15 @@ class FleetState:
         """Return the robots whose servers hold a lease, sorted by name."""
         live = (robot for robot in self.robots.values() if robot.is_live(now))
         return sorted(live, key=lambda robot: robot.name)
+
+    def known_robots(self, now: float) -> list[RobotRecord]:
+        """Return the robots with a lease, and those that had one lately, sorted by name."""
+        known = (each for each in self.robots.values() if each.lease_until > now - REMEMBERED)
+        return sorted(known, key=lambda robot: robot.name)
+
+    def working_robots(self, now: float) -> list[RobotRecord]:
+        """Return the robots with a lease that no operator has paused, sorted by name."""
+        return [robot for robot in self.live_robots(now) if not robot.paused]
 
     def abilities(self) -> Abilities:
         """Return which robots can execute which tasks."""
@@ -243,11 +252,11 @@ def _is_same_work(before: Task, task: Task) -> bool:
 
 
 def _place(robot: RobotRecord) -> tuple[object, ...]:
-    return robot.pose, robot.free_at, robot.task_id, robot.is_gone
+    return robot.pose, robot.free_at, robot.task_id, robot.is_gone, robot.paused
 
 
 def _skills(robot: RobotRecord) -> tuple[object, ...]:
-    return robot.task_types, robot.capabilities, robot.places
+    return robot.task_types, robot.capabilities, robot.places, robot.size, robot.tells_all
 
 
 def _restore(values: dict[Any, Any], key: object) -> Callable[[], object]:

@@ -42,6 +42,7 @@ class FleetWorker:
         records: stores the changes of the robot's task.
         lease: the robot's lease.
         planner: see `Planner`.
+        refusal: returns why the robot refuses a task type and target for ever, "" if it does not.
         settle: seconds that an idle robot waits for more tasks before it claims one.
     """
 
@@ -53,6 +54,7 @@ class FleetWorker:
         records: FleetRecords,
         lease: LeaseKeeper,
         planner: Planner,
+        refusal: rules.Refusal,
         *,
         settle: float,
     ) -> None:
@@ -62,12 +64,14 @@ class FleetWorker:
         self._records = records
         self._lease = lease
         self._planner = planner
+        self._refusal = refusal
         self._settle = settle
         self.is_held = False
         """Whether this robot begins no task, whatever the database says about a pause."""
         self._news = asyncio.Event()
         self._is_paused = False
-        self._halts = 0
+        self._halts = 0, 0
+        """How often all robots, and this robot, had to halt."""
         self._working: asyncio.Task[None] | None = None
         self._following: set[asyncio.Task[object]] = set()
 
@@ -78,8 +82,7 @@ class FleetWorker:
 
     def start(self) -> None:
         """Begin to claim tasks."""
-        self._halts = self._store.state.meta.halts
-        self._is_paused = self._store.state.meta.paused
+        self._halts, self._is_paused, _ = self._orders()
         self._working = asyncio.create_task(self._work(), name=f"taskrpc worker of {self._name}")
 
     async def close(self) -> None:
@@ -103,16 +106,24 @@ class FleetWorker:
         """Take notice that the fleet's records have changed."""
         if self._working is None:
             return  # it has not started yet
-        meta = self._store.state.meta
-        if meta.halts != self._halts:
-            self._halts, self._is_paused = meta.halts, True
-            self._follow_soon(self.halt(meta.halt_reason))
-        elif meta.paused != self._is_paused:
-            self._is_paused = meta.paused
-            self._follow_soon(self.pause() if meta.paused else self.resume())
+        halts, is_paused, reason = self._orders()
+        if halts != self._halts:
+            self._halts, self._is_paused = halts, is_paused
+            self._follow_soon(self.halt(reason))
+        elif is_paused != self._is_paused:
+            self._is_paused = is_paused
+            self._follow_soon(self.pause() if is_paused else self.resume())
         if execution := self.execution:
             self._compare(execution)
         self._news.set()
+
+    def _orders(self) -> tuple[tuple[int, int], bool, str]:
+        """Return the halts, whether the robot is paused, and the reason of the last halt."""
+        meta, robot = self._store.state.meta, self._store.state.robots.get(self._name)
+        if robot is None:
+            return (meta.halts, 0), meta.paused, meta.halt_reason
+        reason = robot.halt_reason if robot.halts != self._halts[1] else meta.halt_reason
+        return (meta.halts, robot.halts), meta.paused or robot.paused, reason
 
     def _compare(self, execution: TaskExecution) -> None:
         """Halt an execution that another server has cancelled or interrupted."""
@@ -198,11 +209,11 @@ class FleetWorker:
     async def _claimed(self) -> tuple[Task, Plan] | None:
         """Claim the next task of this robot; None if there is none, or the claim failed."""
         name, epoch, store = self._name, self._lease.epoch, self._store
-        if not rules.may_claim(store.state, store.now(), name, self._planner):
+        if not rules.may_claim(store.state, store.now(), name, self._planner, self._refusal):
             return None
 
         def action(state: FleetState, now: float) -> tuple[Task, Plan] | None:
-            return rules.claim(state, now, name, epoch, self._planner)
+            return rules.claim(state, now, name, epoch, self._planner, self._refusal)
 
         try:
             return await store.transact(action)

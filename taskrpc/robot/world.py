@@ -68,7 +68,7 @@ class World:
             TargetError: it is neither, or the robot cannot stand there.
         """
         name = target.strip()
-        point = self.places.get(name) or _coordinates(name)
+        point = self.places.get(name) or coordinates(name)
         if point is None:
             raise TargetError(self._unknown(name))
         if not self._is_on_floor(point, 0.0):
@@ -190,6 +190,7 @@ class World:
         )
 
 
-def _coordinates(text: str) -> Point | None:
+def coordinates(text: str) -> Point | None:
+    """Return the point of "x,y" or "x y" in metres, None for any other text."""
     match = _COORDINATES.fullmatch(text)
     return (float(match[1]), float(match[2])) if match else None

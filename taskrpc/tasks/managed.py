@@ -97,6 +97,9 @@ class ManagedTasks(Protocol):
     def planned_robot(self, task: Task) -> str:
         """Return the robot that is planned to execute a queued task, "" without a fleet."""
 
+    def waits_for(self, task: Task) -> str:
+        """Return which robots of a fleet a queued task waits for while none of them works."""
+
     def telemetry(self) -> Telemetry:
         """Return what this server's robot reports about itself."""
 
@@ -133,11 +136,11 @@ class ManagedTasks(Protocol):
     async def requeue(self, task_id: int, *, resume: bool = False) -> TaskResponse:
         """Queue an interrupted, failed or cancelled task again."""
 
-    async def pause(self) -> TaskResponse:
-        """Halt the robots during their tasks and begin no other task."""
+    async def pause(self, *, robot: str = "") -> TaskResponse:
+        """Halt the robots during their tasks and begin no other task; or only one robot."""
 
-    async def resume(self) -> TaskResponse:
-        """Continue after a pause or a stop."""
+    async def resume(self, *, robot: str = "") -> TaskResponse:
+        """Continue after a pause or a stop of all robots, or of one."""
 
-    async def stop(self, *, client: str = "") -> TaskResponse:
-        """Halt the robots at once and pause the queue."""
+    async def stop(self, *, client: str = "", robot: str = "") -> TaskResponse:
+        """Halt the robots at once and pause the queue, or halt and pause one robot."""

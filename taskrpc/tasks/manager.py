@@ -25,6 +25,7 @@ from taskrpc.tasks.responses import (
     Resumed,
     TaskResponse,
     by_client,
+    no_fleet,
     priority_refusal,
     queue_full,
     refused,
@@ -188,6 +189,10 @@ class TaskManager(ManagedRobot):
         """Return "": there is only one robot."""
         return ""
 
+    def waits_for(self, task: Task) -> str:
+        """Return "": there is only one robot, and it works."""
+        return ""
+
     # Changes; each returns when it is stored
 
     async def submit(
@@ -343,8 +348,10 @@ class TaskManager(ManagedRobot):
         await stored
         return response
 
-    async def pause(self) -> TaskResponse:
-        """Halt the robot during its task and begin no other task."""
+    async def pause(self, *, robot: str = "") -> TaskResponse:
+        """Halt the robot during its task and begin no other task; refuse a `robot` by name."""
+        if robot:
+            return no_fleet(robot)
         said = "The queue is paused"
         try:
             failure = await self._worker.pause()
@@ -355,15 +362,22 @@ class TaskManager(ManagedRobot):
             TaskResponse(False, f"{said}, but {failure}") if failure else TaskResponse(True, said)
         )
 
-    async def resume(self) -> TaskResponse:
-        """Continue after a pause or a stop."""
+    async def resume(self, *, robot: str = "") -> TaskResponse:
+        """Continue after a pause or a stop; refuse a `robot` by name."""
+        if robot:
+            return no_fleet(robot)
         await self.repository.remember_pause(False)
         if failure := await self._worker.resume():
             return TaskResponse(False, f"The queue is resumed, but {failure}")
         return TaskResponse(True, "The queue is resumed")
 
-    async def stop(self, *, client: str = "") -> TaskResponse:
-        """Halt the robot at once and pause the queue; the running task ends CANCELED."""
+    async def stop(self, *, client: str = "", robot: str = "") -> TaskResponse:
+        """Halt the robot at once and pause the queue; the running task ends CANCELED.
+
+        A `robot` by name is refused.
+        """
+        if robot:
+            return no_fleet(robot)
         execution = self._worker.execution
         failure = await self._worker.stop(by_client("the robot was stopped", client))
         note = ""

@@ -83,6 +83,15 @@ def requeue_refusal(task: Task | None, task_id: int, *, resume: bool) -> TaskRes
     return None
 
 
+def no_fleet(robot: str) -> TaskResponse:
+    """Return the refusal of a request for one robot by a server that has no fleet."""
+    return TaskResponse(
+        False,
+        f"There is no robot {printable(robot)!r}: this server drives one robot without a name and"
+        " belongs to no fleet; leave the robot's name out",
+    )
+
+
 def unknown_type(task_type: str, expected: Sequence[str]) -> str:
     """Return the refusal of a type of task that no robot has."""
     types = " or ".join(", ".join(expected).rsplit(", ", 1))
@@ -141,10 +150,13 @@ class TaskMessages:
         self._estimate_change = srvgen.load("taskrpc_interfaces/msg/EstimateChange")
         self._time = srvgen.load("builtin_interfaces/msg/Time")
 
-    def task_info(self, task: Task, estimated_time: float, robot: str = "") -> Any:
+    def task_info(
+        self, task: Task, estimated_time: float, robot: str = "", waits_for: str = ""
+    ) -> Any:
         """Return a TaskInfo for a list: without the result and the estimate's changes.
 
-        `robot` is the robot that is planned to execute a queued task of a fleet.
+        `robot` is the robot that is planned to execute a queued task of a fleet; `waits_for` says
+        which robots it waits for while none of them works.
         """
         return self._task_info(
             task_id=task.task_id,
@@ -155,7 +167,7 @@ class TaskMessages:
             estimated_time=estimated_time,
             accepted_estimate=task.accepted_estimate,
             progress=task.progress,
-            message=task.message,
+            message=task.message or waits_for,
             client=task.client,
             submitted=self._instant(task.submitted_at),
             started=self._instant(task.started_at),
@@ -169,9 +181,10 @@ class TaskMessages:
         estimated_time: float,
         changes: Iterable[EstimateChange],
         robot: str = "",
+        waits_for: str = "",
     ) -> Any:
         """Return a TaskInfo with the result and the estimate's changes."""
-        info = self.task_info(task, estimated_time, robot)
+        info = self.task_info(task, estimated_time, robot, waits_for)
         info.result = task.result
         info.estimate_changes = [
             self._estimate_change(**msgspec.structs.asdict(change)) for change in changes

@@ -261,12 +261,7 @@ class OfferedTasks:
             found = page(self.manager, request.page, limit=request.limit, ended=request.all)
         except ValueError as error:
             raise HandlerError(Code.INVALID_ARGUMENT, str(error)) from None
-        response.tasks = [
-            self._messages.task_info(
-                row.task, row.estimated_time, self.manager.planned_robot(row.task)
-            )
-            for row in found.rows
-        ]
+        response.tasks = [self._info(row.task, row.estimated_time) for row in found.rows]
         response.next_page = found.next_page
         response.queued = len(self.manager.queue)
         response.paused = self.manager.is_paused
@@ -285,6 +280,7 @@ class OfferedTasks:
             self.manager.estimate(task.task_id),
             self.manager.changes(task),
             self.manager.planned_robot(task),
+            self.manager.waits_for(task),
         )
         return response
 
@@ -315,11 +311,11 @@ class OfferedTasks:
 
     async def pause(self, request: Any, response: Any) -> Any:
         """Halt the robot and pause the queue; see PauseTasks.srv."""
-        return filled(response, await self.manager.pause())
+        return filled(response, await self.manager.pause(robot=request.robot))
 
     async def resume(self, request: Any, response: Any) -> Any:
         """Continue after a pause; see ResumeTasks.srv."""
-        return filled(response, await self.manager.resume())
+        return filled(response, await self.manager.resume(robot=request.robot))
 
     async def reprioritise(self, request: Any, response: Any) -> Any:
         """Change a task's priority; see ReprioritiseTask.srv."""
@@ -338,7 +334,8 @@ class OfferedTasks:
 
     async def stop(self, request: Any, response: Any) -> Any:
         """Halt the robot at once and pause the queue; see StopRobot.srv."""
-        return filled(response, await self.manager.stop(client=client_name()))
+        result = await self.manager.stop(client=client_name(), robot=request.robot)
+        return filled(response, result)
 
     async def tell_health(self, request: Any, response: Any) -> Any:
         """Report whether the server accepts tasks now; a std_srvs/srv/Trigger."""
@@ -347,12 +344,16 @@ class OfferedTasks:
     def _fill(self, response: Any, changed: list[int]) -> None:
         self.manager.update_estimates()
         found = (self.manager.repository.find(task_id) for task_id in changed)
-        response.tasks = [self._info(task) for task in found if task is not None]
+        response.tasks = [
+            self._info(task, self.manager.estimate(task.task_id))
+            for task in found
+            if task is not None
+        ]
 
-    def _info(self, task: Task) -> Any:
+    def _info(self, task: Task, estimated_time: float) -> Any:
         manager = self.manager
         return self._messages.task_info(
-            task, manager.estimate(task.task_id), manager.planned_robot(task)
+            task, estimated_time, manager.planned_robot(task), manager.waits_for(task)
         )
 
 

@@ -73,7 +73,10 @@ class TaskTopics:
             running=0 if manager.running is None else manager.running.task_id,
             tasks=[
                 self._messages.task_info(
-                    task, manager.estimate(task.task_id), manager.planned_robot(task)
+                    task,
+                    manager.estimate(task.task_id),
+                    manager.planned_robot(task),
+                    manager.waits_for(task),
                 )
                 for task in found
                 if task is not None

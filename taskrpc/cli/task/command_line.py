@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from taskrpc.cli.shared.command import Exit, OutputLost
+from taskrpc.cli.shared.command import Exit, OutputLost, UsageError
 from taskrpc.cli.shared.parsing import Parser, add_command, add_group, number
 
 if TYPE_CHECKING:
@@ -25,8 +25,12 @@ _ORDERS = (
     ("drop", "Cancel queued or interrupted tasks"),
 )
 _HALTS = (
-    ("pause", "Halt the robot during its task and start no other task"),
-    ("stop", "Halt the robot at once and pause the queue (no emergency stop: this is software)"),
+    ("pause", "Halt the robot during its task and start no other task; in a fleet: all robots"),
+    (
+        "stop",
+        "Halt the robot at once and pause the queue; in a fleet: all robots"
+        " (no emergency stop: this is software)",
+    ),
 )
 _SPELLINGS = (
     ("reprioritise", "Move a queued task to another priority"),
@@ -44,9 +48,13 @@ def configure(parser: ArgumentParser) -> None:
         command.add_argument("task_ids", metavar="ID", type=int, nargs="+", help="a task's number")
         command.set_defaults(verb=verb)
     for verb, purpose in _HALTS:
-        _add(commands, verb, purpose, _halt).set_defaults(verb=verb)
+        command = _add(commands, verb, purpose, _halt)
+        _add_robot(command, f"{verb} only this robot of a fleet; the others continue (all robots)")
+        command.set_defaults(verb=verb)
     what = "Continue after a pause or a stop; with IDs, continue interrupted tasks"
     command = _add(commands, "resume", what, _resume)
+    what = "continue only this robot; without it, robots that were paused by name stay paused"
+    _add_robot(command, what)
     what = "a task that ran when the server ended; it gets its old place in the queue"
     command.add_argument("task_ids", metavar="ID", type=int, nargs="*", help=what)
     for verb, purpose in _SPELLINGS:
@@ -64,6 +72,10 @@ def _add_submit(commands: Commands) -> None:
     add("priority", metavar="PRIORITY", type=int, nargs="?", default=5, help=what)
     what = "follow the task to its end; exit code 0 if it SUCCEEDED, else 1"
     add("--wait", action="store_true", help=what)
+
+
+def _add_robot(command: Parser, what: str) -> None:
+    command.add_argument("--robot", metavar="NAME", default="", help=what)
 
 
 def _add_views(commands: Commands) -> None:
@@ -95,6 +107,8 @@ def _add(commands: Commands, verb: str, purpose: str, action: Action) -> Parser:
 def _run(options: Namespace) -> Exit:
     import asyncio
 
+    if getattr(options, "robot", "") and getattr(options, "task_ids", ()):
+        raise UsageError("taskrpc task resume: error: give either IDs of tasks or --robot NAME")
     return asyncio.run(perform(options))
 
 
@@ -201,7 +215,7 @@ async def _order(options: Namespace, services: TaskServices) -> Exit:
 async def _resume(options: Namespace, services: TaskServices) -> Exit:
     if options.task_ids:
         return await _request_each("/requeue", options, services, resume=True)
-    _print_response(await services.request("/resume"), options)
+    _print_response(await services.request("/resume", robot=options.robot), options)
     return Exit.DONE
 
 
@@ -226,7 +240,7 @@ async def _request_each(
 
 
 async def _halt(options: Namespace, services: TaskServices) -> Exit:
-    _print_response(await services.request(f"/{options.verb}"), options)
+    _print_response(await services.request(f"/{options.verb}", robot=options.robot), options)
     return Exit.DONE
 
 

@@ -46,25 +46,27 @@ def work_of(task: Any) -> str:
 def status_line(task: Any) -> str:
     """Return a task's current state in one line."""
     words = [f"task {task.task_id}", work_of(task), f"priority {task.priority}", task.state]
-    if outlook := _outlook(task):
+    message = printable(task.message)
+    if (outlook := _outlook(task)) and outlook != message:
         words.append(f"done in {outlook}")
-    if task.message:
-        words.append(printable(task.message))
+    if message:
+        words.append(message)
     return "  ".join(words)
 
 
 def details(task: Any) -> list[str]:
     """Return everything about a task; each change of its estimate is a line."""
     lines = [f"task {task.task_id}: {work_of(task)}, priority {task.priority}"]
+    message = printable(task.message)
     facts = [
         ("state", f"{task.state}, {_percent(task)} done" if _is_begun(task) else task.state),
         ("robot", _robot(task)),
-        ("message", printable(task.message)),
+        ("message", message),
         ("client", printable(task.client)),
         ("submitted", _clock(task.submitted)),
         ("started", _clock(task.started)),
         ("ended", _clock(task.ended)),
-        ("done in", "" if task.ended.sec else in_seconds(task.estimated_time)),
+        ("done in", "" if _outlook(task) in ("", message) else in_seconds(task.estimated_time)),
         ("promised", f"{task.accepted_estimate:.1f} s"),
     ]
     lines += [f"  {name + ':':<10} {fact}" for name, fact in facts if fact]
@@ -134,6 +136,8 @@ def _is_begun(task: Any) -> bool:
 def _outlook(task: Any) -> str:
     if task.ended.sec:
         return ""
+    if task.state == task.QUEUED and task.message:  # such as: waits for robot_3, which is away
+        return printable(task.message)
     percent = f" ({_percent(task)})" if _is_begun(task) else ""
     return f"{in_seconds(task.estimated_time)}{percent}"
 

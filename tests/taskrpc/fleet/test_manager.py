@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.fleet.manager import FleetManager, FleetSettings
 from taskrpc.fleet.store import MemoryFleet, MemoryFleetStore
-from taskrpc.robot import KinematicRobot, World, default_world
+from taskrpc.robot import Box, KinematicRobot, TargetError, World, default_world
 from taskrpc.tasks.pages import page
 from tests.taskrpc.fleet.fakes import Fleet
 from tests.taskrpc.tasks.fakes import LineRobot
@@ -59,7 +59,11 @@ async def test_place_goes_to_the_robot_that_reaches_it(fleet):
     await fleet.until_done()
     assert {t.target: t.robot for t in fleet.tasks().values()} == {"7": "r2", "1": "r1"}
     refused = await first.submit("move", "9", 5)
-    assert refused.message == "No robot of the fleet (r1, r2) is able to execute move at 9"
+    assert refused.message == (
+        "Invalid target: no robot of the fleet is able to execute move at 9."
+        " r1: move, scan or report, limited to move:1,move:2;"
+        " r2: move, scan or report, limited to move:7"
+    )
 
 
 async def test_unknown_task_and_target_are_refused_as_by_a_single_server(fleet):
@@ -192,6 +196,67 @@ async def test_pause_and_resume_concern_all_robots(fleet):
     assert set(fleet.states().values()) == {"SUCCEEDED"}
 
 
+async def test_pause_of_one_robot_at_any_server_halts_only_this_one(fleet):
+    first, second = [await fleet.add(f"r{number}") for number in (1, 2)]
+    await submitted(first, 20, 20, 20)
+    await asyncio.sleep(1)
+    assert (await second.pause(robot="r1")).message == "r1 is paused; the other robots continue"
+    await asyncio.sleep(60)
+    assert (first.running.state.value, first.is_paused) == ("PAUSED", False)
+    assert sorted(fleet.states().values()) == ["PAUSED", "SUCCEEDED", "SUCCEEDED"]
+    resumed = await second.resume()
+    assert resumed.message == (
+        "The queue is resumed; still paused by name: r1 (taskrpc task resume --robot r1)"
+    )
+    await asyncio.sleep(5)
+    assert first.running.state.value == "PAUSED"
+    await second.resume(robot="r1")
+    await fleet.until_done()
+    assert set(fleet.states().values()) == {"SUCCEEDED"}
+
+
+async def test_stop_of_one_robot_at_any_server_cancels_only_its_task(fleet):
+    first, second = [await fleet.add(f"r{number}") for number in (1, 2)]
+    await submitted(first, 20, 20, 20)
+    await asyncio.sleep(1)
+    response = await second.stop(robot="r1", client="ann")
+    assert response.message == "r1 is stopped and paused; the other robots continue"
+    [canceled] = [task for task in fleet.tasks().values() if task.state.value == "CANCELED"]
+    assert (canceled.robot, canceled.message) == ("r1", "r1 was stopped by ann")
+    assert (await second.stop(robot="r2")).success
+    await asyncio.sleep(5)
+    assert list(fleet.states().values()).count("QUEUED") == 1
+    assert not second.is_paused
+    await second.resume(robot="r1")
+    await fleet.until_done()
+    assert list(fleet.states().values()).count("SUCCEEDED") == 1
+
+
+async def test_own_robot_is_paused_by_name_while_the_database_is_away_and_another_is_not(fleet):
+    first, _ = [await fleet.add(f"r{number}") for number in (1, 2)]
+    await submitted(first, 20, 20)
+    await asyncio.sleep(1)
+    fleet.cut_off("r1")
+    assert (await first.pause(robot="r1")).message.startswith("Only r1 is paused, but this could")
+    with pytest.raises(StoreError):
+        await first.pause(robot="r2")
+    with pytest.raises(StoreError):
+        await first.stop(robot="r2")
+    fleet.cut_off("r1", False)
+    assert first.is_paused
+    await first.resume(robot="r1")
+    assert not first.is_paused
+
+
+async def test_servers_know_where_every_robot_is(fleet):
+    first, second = [await fleet.add(f"r{number}") for number in (1, 2)]
+    await submitted(first, 20)
+    await asyncio.sleep(5)
+    driving, idle = sorted(second.robots(), key=lambda robot: not robot.task_id)
+    assert 0 < driving.at.x < 20
+    assert idle.at == idle.pose
+
+
 async def test_stop_halts_all_robots_and_pauses_the_queue(fleet):
     first, second = [await fleet.add(f"r{number}") for number in (1, 2)]
     await submitted(first, 20, 20, 20)
@@ -254,12 +319,67 @@ async def test_place_of_another_robots_map_is_accepted_by_every_server(fleet):
     await fleet.add("r2", KinematicRobot(downstairs))
     for place in ("cellar", "attic", "3,3"):
         assert (await first.submit("move", place, 5)).success
-    refused = await first.submit("move", "garden", 5)
-    assert refused.message.startswith("Invalid target: ")
+    refused = await first.submit("move", "Celar", 5)
+    assert refused.message == (
+        "Invalid target: no robot of the fleet is able to execute move at Celar"
+        " (did you mean cellar?)."
+        " r1: move, scan or report at attic, dock or x,y up to 6,6;"
+        " r2: move, scan or report at cellar, dock or x,y up to 6,6"
+    )
     await fleet.until_done()
     robots = {task.target: task.robot for task in fleet.tasks().values()}
     assert (robots["cellar"], robots["attic"]) == ("r2", "r1")
     assert set(fleet.states().values()) == {"SUCCEEDED"}
+
+
+async def test_coordinates_that_only_another_robots_map_has_are_accepted_by_every_server(fleet):
+    first = await fleet.add("r1", KinematicRobot(World((6.0, 6.0), dock=(1.0, 1.0))))
+    wall = Box.rectangle((14.0, 1.0), (2.0, 2.0))
+    large = World((20.0, 6.0), dock=(1.0, 1.0), obstacles=[wall])
+    await fleet.add("r2", KinematicRobot(large))
+    free, blocked = await submitted(first, "19,5", "15,2")
+    refused = await first.submit("move", "25,5", 5)
+    assert "r2: move, scan or report at dock or x,y up to 20,6" in refused.message
+    await fleet.until_done()
+    assert fleet.tasks()[free].robot == "r2"
+    assert fleet.tasks()[free].state.value == "SUCCEEDED"
+    assert fleet.tasks()[blocked].state.value == "FAILED"
+    assert "the robot cannot stand at '15,2'" in fleet.tasks()[blocked].message
+
+
+async def test_target_that_the_capabilities_of_another_robot_name_is_accepted(fleet):
+    first = await fleet.add("r1", KinematicRobot(default_world()))
+    await fleet.add("r2", Shelves(), capabilities="move:shelf_*")
+    assert (await first.submit("move", "shelf_3", 5)).success
+    (wrong,) = await submitted(first, "shelf_99")
+    await fleet.until_done()
+    assert fleet.tasks()[1].robot == "r2"
+    assert fleet.tasks()[wrong].message == "expected shelf_1 to shelf_9, got 'shelf_99'"
+
+
+class Shelves(LineRobot):
+    """A robot of the user's own that tells the fleet nothing about its targets."""
+
+    def plan(self, task_type, target, start):
+        name, _, number = target.partition("_")
+        if name != "shelf" or len(number) != 1:
+            raise TargetError(f"expected shelf_1 to shelf_9, got {target!r}")
+        return super().plan(task_type, number, start)
+
+
+async def test_task_for_a_robot_that_is_away_waits_for_it(fleet):
+    attic = World((6.0, 6.0), dock=(1.0, 1.0), places={"attic": (5.0, 5.0)})
+    first = await fleet.add("r1", KinematicRobot(default_world()))
+    await fleet.add("r2", KinematicRobot(attic))
+    await fleet.managers.pop("r2").close()
+    response = await first.submit("move", "attic", 5)
+    assert response.message == "Task queued: move (waits for r2, which is away)"
+    await asyncio.sleep(60)
+    assert first.waits_for(fleet.tasks()[1]) == "waits for r2, which is away"
+    await fleet.add("r2", KinematicRobot(attic))
+    await fleet.until_done()
+    assert fleet.tasks()[1].robot == "r2"
+    assert first.waits_for(fleet.tasks()[1]) == ""
 
 
 async def test_simulated_robots_tell_which_places_they_reach():

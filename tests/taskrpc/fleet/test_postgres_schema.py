@@ -1,5 +1,6 @@
 import asyncio
 
+import msgspec
 import pytest
 
 from taskrpc.errors import StoreError
@@ -14,18 +15,51 @@ from taskrpc.fleet.postgres_store import PostgresStore
 pytestmark = [pytest.mark.postgres, pytest.mark.real_time]
 
 
-async def test_database_of_each_earlier_version_is_upgraded_and_keeps_its_tasks(postgres_url):
-    for version in range(1, VERSION):
-        url = DatabaseUrl(postgres_url)
-        connection = await url.connect("test")
-        await prepare(connection, MIGRATIONS[:version])
-        row = await (await connection.execute("SELECT version FROM taskrpc_fleet")).fetchone()
-        assert row == (version,)
-        await close(connection)
-        store = PostgresStore(postgres_url)
-        await store.apply([task(version)])
-        assert (await store.load()).tasks[-1] == task(version)
-        await store.close()
+@pytest.mark.parametrize("version", range(1, VERSION))
+async def test_database_of_each_earlier_version_is_upgraded_and_keeps_its_tasks(
+    postgres_url, version
+):
+    connection = await DatabaseUrl(postgres_url).connect("test")
+    await prepare(connection, MIGRATIONS[:version])
+    row = await (await connection.execute("SELECT version FROM taskrpc_fleet")).fetchone()
+    assert row == (version,)
+    record = msgspec.json.encode(task(1)).decode()
+    await connection.execute("INSERT INTO taskrpc_task VALUES (1, 1, 'QUEUED', '', %s)", (record,))
+    await connection.execute("UPDATE taskrpc_fleet SET revision = 1")
+    await close(connection)
+    store = PostgresStore(postgres_url)
+    await store.apply([task(2)])
+    assert (await store.load()).tasks == (task(1), task(2))
+    await store.close()
+
+
+async def test_server_of_an_older_version_changes_nothing_while_another_one_upgrades(
+    postgres_url, monkeypatch
+):
+    old, new = PostgresStore(postgres_url), PostgresStore(postgres_url)
+    with monkeypatch.context() as older:
+        older.setattr(
+            "taskrpc.fleet.postgres_store.check_version",
+            lambda found: check_version(found, VERSION - 1),
+        )
+        older.setattr(
+            "taskrpc.fleet.postgres_store.prepare",
+            lambda connection: prepare(connection, MIGRATIONS[:-1]),
+        )
+        await old.apply([task(1)])
+    await new.apply([task(2)])  # upgrades the tables while the older server is connected
+    with monkeypatch.context() as older:
+        older.setattr(
+            "taskrpc.fleet.postgres_store.check_version",
+            lambda found: check_version(found, VERSION - 1),
+        )
+        for _ in range(2):
+            with pytest.raises(StoreError, match="a newer taskrpc has upgraded it"):
+                await old.apply([task(3)])
+            assert "a newer taskrpc has upgraded it" in await old.follow(5)
+    assert (await new.load()).tasks == (task(1), task(2))
+    await old.close()
+    await new.close()
 
 
 async def test_servers_that_start_together_create_the_tables_once(postgres_url):

@@ -21,8 +21,8 @@ def submit(state, now, made, **settings):
     return rules.submit(state, now, made, estimated=lambda task: 4.5, **(known | settings))
 
 
-def claim(state, name, epoch=1, now=0.0):
-    claimed = rules.claim(state, now, name, epoch, line_plan)
+def claim(state, name, epoch=1, now=0.0, refusal=nothing):
+    claimed = rules.claim(state, now, name, epoch, line_plan, refusal)
     return None if claimed is None else claimed[0].task_id
 
 
@@ -37,8 +37,9 @@ def test_new_robot_joins_with_a_lease():
 
 
 def test_second_server_with_the_same_robot_name_is_refused_while_the_lease_lasts():
-    state = state_of(robot("a", lease_until=16.0, address="lab-3:8642"))
-    with pytest.raises(rules.NameTaken, match=r"another server at lab-3:8642 drives 'a'.*6.0 s"):
+    state = state_of(robot("a", lease_until=16.0, address="127.0.0.1:8642", host="lab-3", pid=4711))
+    where = r"another server \(process 4711 on lab-3 at 127.0.0.1:8642\) drives 'a'.*6.0 s"
+    with pytest.raises(rules.NameTaken, match=where):
         rules.join(state, 10.0, robot("a", server="another"), LEASE)
     assert rules.join(state, 16.0, robot("a", server="another"), LEASE).epoch == 2
 
@@ -222,34 +223,75 @@ def test_stop_halts_all_and_pauses():
     assert (state.meta.paused, state.meta.halts) == (True, 1)
 
 
-def test_reason_names_the_robots_that_cannot_or_do_not_run():
-    able = robot("a", capabilities="move:lab")
-    state = state_of(able, robot("b", capabilities="scan"))
-    assert rules.refuse_unable(state, 0.0, "move", "lab") == ""
-    assert rules.refuse_unable(state, 0.0, "move", "dock") == (
-        "No robot of the fleet (a, b) is able to execute move at dock"
-    )
-    assert rules.refuse_unable(state, 0.0, "fly", "lab") == (
-        "Invalid task: fly (expected move or scan)"
-    )
+def test_pause_of_one_robot_gives_its_tasks_to_the_others():
+    state = state_of(task(1, "1"), task(2, "9"), robot("a", 0), robot("b", 9))
+    response = rules.pause_robot(state, 0.0, "a", True)
+    assert response.message == "a is paused; the other robots continue"
+    assert claim(state, "a") is None
+    assert claim(state, "b") == 1
+    assert rules.paused_robots(state) == ["a"]
+    assert rules.pause_robot(state, 0.0, "a", False).message == "a is resumed"
+    assert claim(state, "a") == 2
+
+
+def test_robot_that_was_paused_by_name_stays_paused_when_its_server_restarts():
+    state = state_of(robot("a"))
+    rules.stop_robot(state, 0.0, "a", "a was stopped")
     rules.leave(state, 1.0, "a", 1)
-    assert rules.refuse_unable(state, 0.0, "move", "lab") == (
-        "No robot can execute move at lab now: only a can, and its server does not run"
-    )
-    rules.leave(state, 1.0, "b", 1)
-    assert rules.refuse_unable(state, 0.0, "scan", "dock") == (
-        "No robot can execute scan at dock now: only b can, and its server does not run"
-    )
-    assert rules.refuse_unable(state, 0.0, "fly", "lab") == (
-        "Invalid task: fly (expected move or scan)"
-    )
+    joined = rules.join(state, 2.0, robot("a", server="another"), LEASE)
+    assert (joined.paused, joined.halts) == (True, 1)
 
 
-def test_reason_names_all_robots_whose_servers_do_not_run():
-    state = state_of(*(robot(name, is_gone=True) for name in "abc"))
-    assert rules.refuse_unable(state, 0.0, "move", "lab") == (
-        "No robot can execute move at lab now: only a, b and c can, and their servers do not run"
-    )
+def test_stop_of_one_robot_halts_no_other():
+    state = state_of(robot("a"), robot("b"))
+    assert rules.stop_robot(state, 0.0, "a", "a was stopped by ann").success
+    stopped = state.robots["a"]
+    assert (stopped.paused, stopped.halts, stopped.halt_reason) == (True, 1, "a was stopped by ann")
+    assert state.robots["b"] == robot("b")
+    assert (state.meta.halts, state.meta.paused) == (0, False)
+
+
+def test_requests_for_one_robot_say_what_they_did_not_do():
+    state = state_of(robot("a", is_gone=True))
+    away = rules.stop_robot(state, 0.0, "a", "")
+    assert away.message == "a is paused; its server does not run"
+    for request in (
+        rules.pause_robot(state, 0.0, "c\n", True),
+        rules.stop_robot(state, 0.0, "c\n", ""),
+    ):
+        assert not request.success
+        assert request.message == "There is no robot 'c?' in the fleet (expected one of: a)"
+    rules.pause(state, True)
+    resumed = rules.pause_robot(state, 0.0, "a", False).message
+    assert "the queue is still paused (taskrpc task resume continues it)" in resumed
+
+
+def test_queued_task_for_a_robot_that_is_away_says_so_and_waits():
+    state = state_of(robot("a", capabilities="move:lab"), robot("b", capabilities="scan"))
+    rules.leave(state, 1.0, "a", 1)
+    response = submit(state, 1.0, task(0, "lab"))
+    assert response.message == "Task queued: move (waits for a, which is away)"
+    assert state.tasks[1].state is TaskState.QUEUED
+
+
+def test_task_that_its_only_robot_refuses_fails_instead_of_waiting_for_ever():
+    able, other = robot("a", capabilities="move"), robot("b", capabilities="scan")
+    state = state_of(task(1, "1"), task(2, "2"), able, other)
+
+    def refusal(task_type, target):
+        return "no such shelf" if target == "1" else ""
+
+    assert rules.may_claim(state, 0.0, "a", lambda *_: None, refusal)
+    assert rules.claim(state, 0.0, "a", 1, lambda *_: None, refusal) is None
+    failed = state.tasks[1]
+    assert (failed.state, failed.message, failed.robot) == (TaskState.FAILED, "no such shelf", "a")
+    assert state.tasks[2].state is TaskState.QUEUED
+
+
+def test_task_that_another_robot_may_be_able_to_do_is_not_failed():
+    state = state_of(task(1, "1"), robot("a"), robot("b", is_gone=True))
+    assert rules.claim(state, 0.0, "a", 1, lambda *_: None, lambda *_: "no") is None
+    assert state.tasks[1].state is TaskState.QUEUED
 
 
 class Interleavings(RuleBasedStateMachine):
@@ -295,7 +337,8 @@ class Interleavings(RuleBasedStateMachine):
             return
         queued, robots = list(self.state.queued()), dict(self.state.robots)
         try:
-            claimed = rules.claim(self.state, self.now, name, self.epochs[name], line_plan)
+            epoch = self.epochs[name]
+            claimed = rules.claim(self.state, self.now, name, epoch, line_plan, nothing)
         except rules.Fenced:
             return
         if claimed is None:

@@ -10,6 +10,9 @@ from tests.taskrpc.tasks.fakes import LineRobot
 
 RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
 ListTasks = srvgen.load("taskrpc_interfaces/srv/ListTasks")
+PauseTasks = srvgen.load("taskrpc_interfaces/srv/PauseTasks")
+ResumeTasks = srvgen.load("taskrpc_interfaces/srv/ResumeTasks")
+StopRobot = srvgen.load("taskrpc_interfaces/srv/StopRobot")
 Trigger = srvgen.load("std_srvs/srv/Trigger")
 
 
@@ -148,3 +151,27 @@ async def test_second_robot_of_a_name_does_not_start(lab):
     with pytest.raises(TaskRpcError, match=r"already offered by .*--robot-name$"):
         await lab.add("r1")
     await lab.nodes["r1"].destroy()
+
+
+async def test_request_for_one_robot_is_taken_by_any_server(lab):
+    await lab.add("r1")
+    await lab.add("r2")
+    for kind, verb, said in (
+        (PauseTasks, "pause", "r2 is paused; the other robots continue"),
+        (ResumeTasks, "resume", "r2 is resumed"),
+        (StopRobot, "stop", "r2 is stopped and paused; the other robots continue"),
+    ):
+        response = await lab.call(kind, f"/r1/robot_task/{verb}", robot="r2")
+        assert (response.success, response.message) == (True, said)
+    unknown = await lab.call(PauseTasks, "/r1/robot_task/pause", robot="r9")
+    assert not unknown.success
+    assert "expected one of: r1, r2" in unknown.message
+
+
+async def test_list_says_which_robot_a_task_waits_for(lab):
+    await lab.add("r1", capabilities="scan")
+    await lab.add("r2", capabilities="move")
+    await lab.call(PauseTasks, "/r1/robot_task/pause", robot="r2")
+    assert (await lab.submit()).message == "Task queued: move (waits for r2, which is paused)"
+    [task] = (await lab.call(ListTasks, "/r1/robot_task/list")).tasks
+    assert task.message == "waits for r2, which is paused"

@@ -566,3 +566,15 @@ def test_queue_pages_estimates_and_execution_share_one_order(priorities, changes
     orders = run_virtually(orders_of(priorities, changes))
     expected = orders.pop("expected")
     assert orders == dict.fromkeys(orders, expected)
+
+
+async def test_server_without_a_fleet_refuses_a_request_for_one_robot(scene):
+    manager = scene.manager
+    for response in (
+        await manager.pause(robot="r1"),
+        await manager.resume(robot="r1"),
+        await manager.stop(robot="r1"),
+    ):
+        assert not response.success
+        assert response.message.startswith("There is no robot 'r1': this server drives one robot")
+    assert not manager.is_paused

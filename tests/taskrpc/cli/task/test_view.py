@@ -53,3 +53,14 @@ def test_table_has_a_column_for_robots_only_in_a_fleet():
     assert " (robot_2) " in queued
     assert as_object(tasks[0])["robot"] == "robot_1"
     assert "  robot:     (robot_2)" in details(tasks[1])
+
+
+def test_queued_task_shows_which_robot_it_waits_for_instead_of_a_time():
+    waits = info(
+        state="QUEUED", priority=5, robot="", message="waits for r2, which is away", task_id=1
+    )
+    other = info(state="QUEUED", priority=5, robot="r1")
+    assert "waits for r2, which is away" in table([waits, other])[1]
+    assert "0.0 s" not in table([waits, other])[1]
+    assert status_line(waits).endswith("  QUEUED  waits for r2, which is away")
+    assert not any("done in" in line for line in details(waits))
