@@ -9,7 +9,6 @@ import importlib
 import inspect
 import logging
 import os
-import signal
 import sys
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
@@ -19,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from srvgen.cli import process
 from taskrpc import logs, platform
 from taskrpc.cli.shared import fleet_server, remote
-from taskrpc.cli.shared.command import Exit, UsageError, run_main, tune_for_long_run
+from taskrpc.cli.shared.command import Exit, UsageError, exit_after, run_main, tune_for_long_run
 from taskrpc.cli.shared.parsing import Parser, add_allow_origin, number, whole
 from taskrpc.errors import TaskRpcError
 
@@ -77,8 +76,7 @@ def _run(arguments: list[str]) -> Exit:
     if not options.standby:  # a standby makes it later: the first server still uses the hardware
         made = robot()
         robot = lambda: made  # noqa: E731
-    signal_number = run(_serve(options, robot))
-    return Exit.INTERRUPTED if signal_number == signal.SIGINT else Exit.DONE
+    return exit_after(run(_serve(options, robot)))
 
 
 def _parser() -> Parser:

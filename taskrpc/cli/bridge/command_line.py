@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 import hmac
 import os
-import signal
 import sys
 
 from taskrpc.cli.bridge import robot
 from taskrpc.cli.shared import remote
-from taskrpc.cli.shared.command import Exit, tune_for_long_run
+from taskrpc.cli.shared.command import exit_after, tune_for_long_run
 from taskrpc.cli.shared.parsing import add_allow_origin, add_command, add_group
 from taskrpc.errors import TaskRpcError
 
@@ -48,8 +47,7 @@ def _rosbridge(options: argparse.Namespace) -> int:
     token = access.token or os.environ.get("TASKRPC_TOKEN") or ""
     from taskrpc.program import run
 
-    number = run(_serve(options, access, token))
-    return Exit.INTERRUPTED if number == signal.SIGINT else Exit.DONE
+    return exit_after(run(_serve(options, access, token)))
 
 
 async def _serve(options: argparse.Namespace, access: remote.Remote, token: str) -> int:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 from typing import Any
 
 from taskrpc.cli.shared import remote
-from taskrpc.cli.shared.command import Exit, UsageError, tune_for_long_run
+from taskrpc.cli.shared.command import UsageError, exit_after, tune_for_long_run
 from taskrpc.cli.shared.parsing import number, whole
 
 _GATEWAY = "taskrpc_gateway"
@@ -60,8 +59,7 @@ def _ros(options: argparse.Namespace) -> int:
         raise UsageError(f"taskrpc bridge ros: error: {problem}; --allow '*' allows all services")
     from taskrpc.program import run
 
-    signal_number = run(serve(options, remote.remote_of(options)))
-    return Exit.INTERRUPTED if signal_number == signal.SIGINT else Exit.DONE
+    return exit_after(run(serve(options, remote.remote_of(options))))
 
 
 async def serve(options: argparse.Namespace, access: remote.Remote) -> int:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 
-from taskrpc.cli.shared.command import Exit, tune_for_long_run
+from taskrpc.cli.shared.command import exit_after, tune_for_long_run
 from taskrpc.errors import TaskRpcError
 
 _PLACE = "127.0.0.1:7447"
@@ -27,8 +26,7 @@ def _run(options: argparse.Namespace) -> int:
         raise TaskRpcError(problem) from None
     from taskrpc.program import run
 
-    number = run(_serve(options.listen))
-    return Exit.INTERRUPTED if number == signal.SIGINT else Exit.DONE
+    return exit_after(run(_serve(options.listen)))
 
 
 async def _serve(listen: str) -> int:

@@ -6,6 +6,7 @@ This module imports nothing slow, so that `--help` is fast.
 from __future__ import annotations
 
 import gc
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from enum import IntEnum
@@ -47,6 +48,11 @@ class Exit(IntEnum):
     UNKNOWN = 5
     """The connection was lost during the call; it is unknown whether the call ran."""
     INTERRUPTED = 130
+
+
+def exit_after(signal_number: int) -> Exit:
+    """Return the exit code of a command that served until this signal; SIGTERM is a success."""
+    return Exit.INTERRUPTED if signal_number == signal.SIGINT else Exit.DONE
 
 
 class NotFound(TaskRpcError):

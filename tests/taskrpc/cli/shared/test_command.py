@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 
@@ -12,7 +13,15 @@ import srvgen
 from taskrpc import errors
 from taskrpc.cli.main import main
 from taskrpc.cli.shared import command
-from taskrpc.cli.shared.command import Exit, NotFound, UsageError, exit_code, guarded, hinted
+from taskrpc.cli.shared.command import (
+    Exit,
+    NotFound,
+    UsageError,
+    exit_after,
+    exit_code,
+    guarded,
+    hinted,
+)
 
 
 @pytest.mark.parametrize(
@@ -208,3 +217,8 @@ def test_mistyped_script_gets_a_hint(name, tmp_path, monkeypatch, capsys):
     (tmp_path / "talker.py").touch()
     assert main(["run", name]) == 1
     assert capsys.readouterr().err.endswith("hint: did you mean talker.py?\n")
+
+
+def test_server_that_a_signal_ends_is_done_unless_the_user_pressed_ctrl_c():
+    assert exit_after(signal.SIGTERM) is Exit.DONE
+    assert exit_after(signal.SIGINT) is Exit.INTERRUPTED
