@@ -20,9 +20,12 @@ if TYPE_CHECKING:
 
 _SECONDS = number("greater than zero", lambda value: value > 0)
 _ORDERS = (
-    ("cancel", "Cancel tasks; a running task is halted"),
-    ("requeue", "Queue interrupted, failed or cancelled tasks again"),
-    ("drop", "Cancel queued or interrupted tasks"),
+    ("cancel", "Cancel tasks, also a running one: the robot halts"),
+    (
+        "requeue",
+        "Queue interrupted, failed or cancelled tasks again, behind others of their priority",
+    ),
+    ("drop", "Cancel queued or interrupted tasks, but never a running one"),
 )
 _HALTS = (
     ("pause", "Halt the robot during its task and start no other task; in a fleet: all robots"),
@@ -51,11 +54,11 @@ def configure(parser: ArgumentParser) -> None:
         command = _add(commands, verb, purpose, _halt)
         _add_robot(command, f"{verb} only this robot of a fleet; the others continue (all robots)")
         command.set_defaults(verb=verb)
-    what = "Continue after a pause or a stop; with IDs, continue interrupted tasks"
+    what = "Continue after a pause or a stop; with IDs, queue interrupted tasks again"
     command = _add(commands, "resume", what, _resume)
     what = "continue only this robot; without it, robots that were paused by name stay paused"
     _add_robot(command, what)
-    what = "a task that ran when the server ended; it gets its old place in the queue"
+    what = "an interrupted task; it gets its old place in the queue"
     command.add_argument("task_ids", metavar="ID", type=int, nargs="*", help=what)
     for verb, purpose in _SPELLINGS:
         command = _add(commands, verb, purpose, _reprioritise)
