@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import signal
@@ -144,19 +145,26 @@ class Cluster:
         return ["setpriv", "--reuid=postgres", "--regid=postgres", "--init-groups"]
 
 
-@pytest.fixture(scope="session")
-def shared_cluster():
-    """A running PostgreSQL for all tests of a session that do not break it."""
+@contextlib.contextmanager
+def _running_cluster(**options):
+    """A running PostgreSQL; the test is skipped, or fails if one is required, without programs."""
     if reason := why_missing():
         if os.environ.get("TASKRPC_NEEDS_POSTGRES"):
             pytest.fail(reason)
         pytest.skip(reason)
     cluster = Cluster()
     try:
-        cluster.start(fsync=False)
+        cluster.start(**options)
         yield cluster
     finally:
         cluster.remove()
+
+
+@pytest.fixture(scope="session")
+def shared_cluster():
+    """A running PostgreSQL for all tests of a session that do not break it."""
+    with _running_cluster(fsync=False) as cluster:
+        yield cluster
 
 
 @pytest.fixture
@@ -168,13 +176,5 @@ def postgres_url(shared_cluster):
 @pytest.fixture
 def own_cluster():
     """A running PostgreSQL that the test may kill."""
-    if reason := why_missing():
-        if os.environ.get("TASKRPC_NEEDS_POSTGRES"):
-            pytest.fail(reason)
-        pytest.skip(reason)
-    cluster = Cluster()
-    try:
-        cluster.start()
+    with _running_cluster() as cluster:
         yield cluster
-    finally:
-        cluster.remove()
