@@ -359,7 +359,7 @@ class PostgresStore(FleetStore):
             await self._write_completions(connection, changes)
             await connection.execute(_SAVE_META, (meta.revision, _text(meta)))
             await connection.execute(_SAVE_BATCH, (self._writer_name, number))
-            if changes.is_news:
+            if changes.notifies:
                 await self._notify(connection, meta.revision)
             await connection.execute("COMMIT")
 
@@ -472,7 +472,7 @@ class PostgresStore(FleetStore):
                     if connection is None or connection.closed:
                         connection = await self.url.connect(self._writer_name + " listener")
                         await connection.execute(f"LISTEN {_CHANNEL}")
-                        self.news()
+                        self.notified()
                     await self._hear(connection)
                 except (*FAILURES, StoreError) as error:
                     log.debug("notifications of the fleet: %s", error)
@@ -487,10 +487,10 @@ class PostgresStore(FleetStore):
         """Pass on notifications for `POLL` seconds."""
         async for notice in connection.notifies(timeout=POLL):
             if not notice.payload.endswith(self._writer_name):
-                self.news()
+                self.notified()
 
     def _poll(self) -> None:
-        self.news()
+        self.notified()
 
 
 class _Uncertain(Exception):

@@ -100,18 +100,18 @@ def renew(
     """
     expire(state, now)
     robot = own(state, name, epoch)
-    is_news = False
+    notifies = False
     if robot.task_id and remaining > 0:  # else the report is older than the claim
         robot = msgspec.structs.replace(robot, free_at=now + remaining)
         task = state.tasks.get(robot.task_id)
         if task is not None and progress > task.progress:
             state.put_task(msgspec.structs.replace(task, progress=progress))
-            is_news = True
+            notifies = True
     elif not robot.task_id and not remaining and pose is not None and pose != robot.pose:
         robot = msgspec.structs.replace(robot, pose=pose)
-        is_news = True
+        notifies = True
     renewed = msgspec.structs.replace(robot, lease_until=now + lease, at=pose or robot.at)
-    state.put_robot(renewed, is_news=is_news)
+    state.put_robot(renewed, notifies=notifies)
     return now + lease
 
 

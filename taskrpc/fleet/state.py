@@ -29,8 +29,8 @@ class Changes(msgspec.Struct):
     """Each completion, with the clients to forget before it."""
     cleared: bool = False
     """Whether everything is forgotten first, completions included."""
-    is_news: bool = False
-    """Whether other servers should look at once: more than a lease has changed."""
+    notifies: bool = False
+    """Whether to notify the other servers: more than a lease has changed."""
 
     @property
     def is_empty(self) -> bool:
@@ -116,7 +116,7 @@ class FleetState:
         before = self.meta
         self._undo.append(lambda: setattr(self, "meta", before))
         self.meta = msgspec.structs.replace(before, **values)
-        self.changes.meta = self.changes.is_news = True
+        self.changes.meta = self.changes.notifies = True
 
     def put_task(self, task: Task) -> None:
         """Add a task, or replace an earlier value of it; forget the oldest ended tasks."""
@@ -129,14 +129,14 @@ class FleetState:
         """Forget a task."""
         self._change_task(task_id, None)
 
-    def put_robot(self, robot: RobotRecord, *, is_news: bool = True) -> None:
+    def put_robot(self, robot: RobotRecord, *, notifies: bool = True) -> None:
         """Add a robot, or replace an earlier record of it."""
         before = self.robots.get(robot.name)
         self._undo.append(lambda: self._set_robot(robot.name, before))
         self._undo.append(_restore(self.changes.robots, robot.name))
         self._set_robot(robot.name, robot)
         self.changes.robots[robot.name] = robot
-        self.changes.is_news |= is_news
+        self.changes.notifies |= notifies
 
     def complete(self, completion: Completion | None, clients: Iterable[ClientKey] = ()) -> None:
         """Forget the completions of clients, then remember a completion."""
@@ -201,7 +201,7 @@ class FleetState:
         self._undo.append(_restore(self.changes.tasks, task_id))
         self._set_task(task_id, task)
         self.changes.tasks[task_id] = task
-        self.changes.is_news = True
+        self.changes.notifies = True
 
     def _set_task(self, task_id: int, task: Task | None) -> None:
         before = self.tasks.pop(task_id, None)

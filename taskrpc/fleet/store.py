@@ -90,9 +90,9 @@ def carry_out(
                 key = completion.principal, completion.client, completion.sequence
                 completed[key] = completion
     if not state.changes.is_empty:
-        changes, is_news = state.changes, state.changes.is_news
+        changes, notifies = state.changes, state.changes.notifies
         state.set_meta(revision=state.meta.revision + 1)
-        changes.is_news = is_news
+        changes.notifies = notifies
     return outcomes
 
 
@@ -142,25 +142,25 @@ class FleetStore(ABC):
         async with self._exclusive:
             self._announce(await self._follow())
 
-    def news(self) -> None:
-        """Take notice that another server has changed the database: follow it soon."""
+    def notified(self) -> None:
+        """Follow the database soon: another server has changed it."""
         if self._following is None:
-            self._following = asyncio.create_task(self._follow_news(), name="taskrpc fleet news")
+            self._following = asyncio.create_task(self._follow_once(), name="taskrpc fleet")
 
     async def follow(self, timeout: float) -> str:
         """Bring the copy up to date if that is possible in time; returns why not, "" if it was.
 
         A transaction that waits for a database that is away does not delay this.
         """
-        self.news()
+        self.notified()
         assert self._following is not None, "it has just been started"
         done, _ = await asyncio.wait({self._following}, timeout=timeout)
         return self.last_problem if done else "the database does not answer"
 
-    async def _follow_news(self) -> None:
+    async def _follow_once(self) -> None:
         try:
             async with self._exclusive:
-                self._following = None  # news that arrive from here on need another look
+                self._following = None  # a notification from here on needs another look
                 self._announce(await self._follow())
                 self.last_problem = ""
         except StoreError as error:
@@ -365,7 +365,7 @@ class MemoryFleetStore(FleetStore):
         self.latency = latency
         self.is_cut_off = False
         """Whether the database cannot be reached."""
-        self.hears_news = True
+        self.gets_notifications = True
         """Whether the database can tell this store about changes."""
         self.loses_commit = False
         """Whether the connection is lost during the next commit, after it has taken effect."""
@@ -420,7 +420,7 @@ class MemoryFleetStore(FleetStore):
         changes = self.state.take_changes()
         if not changes.is_empty:
             self.database.write(self.state.meta, changes)
-            if changes.is_news:
+            if changes.notifies:
                 self._tell_others()
         if self.loses_commit:
             self.loses_commit = False
@@ -434,5 +434,5 @@ class MemoryFleetStore(FleetStore):
     def _tell_others(self) -> None:
         loop = asyncio.get_running_loop()
         for store in self.database.stores:
-            if store is not self and store.hears_news and not store.is_cut_off:
-                loop.call_soon(store.news)
+            if store is not self and store.gets_notifications and not store.is_cut_off:
+                loop.call_soon(store.notified)

@@ -26,7 +26,7 @@ from taskrpc.tasks.task_execution import TaskExecution
 log = logging.getLogger("taskrpc.fleet")
 
 _HALT_TIMEOUT = 1.0  # real seconds that a robot may take to end a halted execution
-_LOOK_AGAIN = 1.0  # seconds after which an idle robot looks for a task without news
+_LOOK_AGAIN = 1.0  # seconds after which an idle robot looks for a task without a notification
 _NOTEWORTHY = 0.05  # robot seconds; smaller changes of an estimate are not listed
 _PLAN_CHANGED = "the fleet's plan has changed"
 _LEASE_ENDED = "the server could not renew its lease, so it halted the robot"
@@ -68,7 +68,7 @@ class FleetWorker:
         self._settle = settle
         self.is_held = False
         """Whether this robot begins no task, whatever the database says about a pause."""
-        self._news = asyncio.Event()
+        self._wake = asyncio.Event()
         self._is_paused = False
         self._halts = 0, 0
         """How often all robots, and this robot, had to halt."""
@@ -115,7 +115,7 @@ class FleetWorker:
             self._follow_soon(self.pause() if is_paused else self.resume())
         if execution := self.execution:
             self._compare(execution)
-        self._news.set()
+        self._wake.set()
 
     def _orders(self) -> tuple[tuple[int, int], bool, str]:
         """Return the halts, whether the robot is paused, and the reason of the last halt."""
@@ -181,11 +181,11 @@ class FleetWorker:
 
     async def _work(self) -> None:
         while True:
-            self._news.clear()
+            self._wake.clear()
             may_claim = self._lease.is_valid and not self.is_held
             claimed = await self._claimed() if may_claim else None
             if claimed is None:
-                await self._something_new()
+                await self._woken()
                 if self._settle and len(self._store.state):
                     await asyncio.sleep(self._settle)
                 continue
@@ -201,10 +201,10 @@ class FleetWorker:
             finally:
                 self._records.execution = None
 
-    async def _something_new(self) -> None:
+    async def _woken(self) -> None:
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_LOOK_AGAIN):
-                await self._news.wait()
+                await self._wake.wait()
 
     async def _claimed(self) -> tuple[Task, Plan] | None:
         """Claim the next task of this robot; None if there is none, or the claim failed."""

@@ -119,12 +119,12 @@ async def test_server_that_comes_back_executes_tasks_again(fleet):
     assert len(fleet.robots["r1"].runs) > 1
 
 
-async def test_lost_news_delay_a_task_by_a_second_at_most(fleet):
+async def test_lost_notifications_delay_a_task_by_a_second_at_most(fleet):
     first, second = [
         await fleet.add(f"r{number}", capabilities=c)
         for number, c in (("1", "scan"), ("2", "move"))
     ]
-    second.store.hears_news = False
+    second.store.gets_notifications = False
     polling = asyncio.create_task(_poll(second.store))
     await submitted(first, 3)
     await fleet.until_done(10)
@@ -135,7 +135,7 @@ async def test_lost_news_delay_a_task_by_a_second_at_most(fleet):
 async def _poll(store):
     while True:
         await asyncio.sleep(1)
-        store.news()
+        store.notified()
 
 
 async def test_claim_without_an_answer_is_executed_once(fleet):

@@ -67,11 +67,11 @@ def test_report_of_an_idle_robot_that_is_older_than_its_claim_changes_no_estimat
     assert (state.robots["a"].free_at, state.robots["a"].pose) == (5.0, pose(4))
 
 
-def test_renewal_without_news_does_not_wake_the_other_servers():
+def test_renewal_without_a_change_does_not_wake_the_other_servers():
     state = state_of(robot("a", 3))
     rules.renew(state, 10.0, "a", 1, LEASE, pose=pose(3))
     assert state.changes.robots
-    assert not state.changes.is_news
+    assert not state.changes.notifies
 
 
 def test_task_of_a_lost_server_is_interrupted_and_its_late_writes_are_refused():

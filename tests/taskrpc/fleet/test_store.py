@@ -38,7 +38,7 @@ async def test_action_changes_the_copies_of_all_servers(stores):
 
 async def test_action_sees_what_another_server_has_changed_just_before(stores):
     first, second = stores
-    second.hears_news = False
+    second.gets_notifications = False
     await first.transact(put(1))
     assert await second.transact(lambda state, now: list(state.tasks)) == [1]
 
