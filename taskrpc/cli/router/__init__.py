@@ -1,4 +1,4 @@
-"""`taskrpc router`: a router of Zenoh, at which programs meet.
+"""`taskrpc router`: a Zenoh router, to which programs connect.
 
 Start with `command_line`. Zenoh's own library does the routing; the command only starts it, and
 says where it listens.

@@ -1,4 +1,4 @@
-"""`taskrpc router`: a router of Zenoh, for programs with `transport="zenoh"`."""
+"""`taskrpc router`: a Zenoh router, for programs with `transport="zenoh"`."""
 
 from __future__ import annotations
 

@@ -32,14 +32,14 @@ _OWN = {
 
 
 class Configuration(msgspec.Struct, frozen=True):
-    """What a session is opened with."""
+    """The settings with which a session is opened."""
 
     file: str
     """The path of a whole configuration, "" for Zenoh's defaults."""
     values: tuple[tuple[str, str], ...]
     """Keys with values as JSON5, in the order in which they are set."""
     routers: tuple[str, ...]
-    """The routers to connect to, for errors; empty if the file names them."""
+    """The routers to connect to, which errors name; empty if the file names them."""
 
 
 def configuration_of(peers: Sequence[str], *, file: str = "", override: str = "") -> Configuration:

@@ -26,7 +26,7 @@ log = logging.getLogger("taskrpc.transport")
 NO_LIMIT = 1e6
 """Seconds that Zenoh waits for a response. The caller's own deadline ends the call earlier."""
 _ERROR_SIZE = 1000
-"""Characters of an error that a server sent."""
+"""The most characters of a server's error that the caller gets."""
 
 
 class NativeServer:
@@ -79,7 +79,7 @@ def refuse(query: zenoh.Query, reason: str) -> None:
 
 
 class Reply:
-    """The way back to a foreign caller."""
+    """Sends the response or the error to a foreign caller."""
 
     caller = ""
 
@@ -104,7 +104,7 @@ class Reply:
             log.warning("a response to a native caller was not sent: %s", reason_of(error))
 
     def fail(self, error: TaskRpcError) -> None:
-        """Send the error as text. The clients of rmw_zenoh log it, and wait on."""
+        """Send the error as text. The clients of rmw_zenoh log it, and continue to wait."""
         refuse(self._query, f"{type(error).__name__}: {error}")
 
 

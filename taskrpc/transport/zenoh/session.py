@@ -29,7 +29,7 @@ def open_session(configuration: Configuration) -> zenoh.Session:
             routers = ", ".join(configuration.routers)
             raise TaskRpcError(
                 f"no Zenoh router answers at {routers}; start one there with `taskrpc router`, or"
-                f" give the address of yours with peers= or {OVERRIDE_VARIABLE}"
+                f" give the address of another router with --connect, peers= or {OVERRIDE_VARIABLE}"
             ) from None
         raise TaskRpcError(f"cannot open a Zenoh session: {reason}") from None
 
@@ -51,7 +51,9 @@ def _config(configuration: Configuration) -> zenoh.Config:
         try:
             config.insert_json5(key, value)
         except zenoh.ZError as error:
-            problem = f"Zenoh refuses {key}={value} ({OVERRIDE_VARIABLE}?): {reason_of(error)}"
+            problem = (
+                f"Zenoh refuses {key}={value}: {reason_of(error)}; correct {OVERRIDE_VARIABLE}"
+            )
             raise TaskRpcError(problem) from None
     return config
 

@@ -32,8 +32,8 @@ rmw_zenoh."""
 MAX_GIDS = 1024
 """Publishers whose sequence numbers a subscription remembers."""
 MAX_WARNINGS = 100
-"""Differences of type that one publisher or subscription reports; strangers could cause any number
-of them."""
+"""The most differing types that one publisher or subscription logs: foreign programs could cause
+any number of them."""
 
 
 class Place(msgspec.Struct, frozen=True):
@@ -100,7 +100,8 @@ class NativeTopic:
         self._place.on_close(self)
 
     def _report(self) -> None:
-        self.on_matched()  # looked up only now: it may have been set in the turn of the match
+        # The program may set `on_matched` after the match, in the same turn of the loop.
+        self.on_matched()
 
     def _is_same_type(self, token: Token) -> bool:
         named = self.named
@@ -113,7 +114,8 @@ def _different(named: TopicEndpoint, token: Token) -> str:
     return (
         f"{publisher.node} publishes {named.name} as {publisher.type_name} with the hash"
         f" {publisher.type_hash[:15]}…, {subscriber.node} subscribes to it as"
-        f" {subscriber.type_name} with {subscriber.type_hash[:15]}…: they exchange no messages"
+        f" {subscriber.type_name} with {subscriber.type_hash[:15]}…: they exchange no messages; use"
+        " the same definition in both programs"
     )
 
 
@@ -221,7 +223,8 @@ class ZenohSubscription(NativeTopic):
         last = self._last.pop(about.gid, None)
         if last is not None and about.sequence > last + 1:
             self.lost += about.sequence - last - 1
-        self._last[about.gid] = about.sequence  # at the end: the first one is the most silent
+        # Moved to the end: the first publisher is the one that was silent longest.
+        self._last[about.gid] = about.sequence
         if len(self._last) > MAX_GIDS:
             del self._last[next(iter(self._last))]
 

@@ -1,8 +1,8 @@
 """The engine for Zenoh: taskrpc programs find each other, and meet programs of ROS 2.
 
 Each program has a session, which is a client of a router by default. A liveliness token shows that
-the program is alive; Zenoh removes it when the program ends or loses its router. In the latter
-case the tokens disappear for the program too, its own included, so that it notices at once.
+the program is alive; Zenoh removes it when the program ends or loses its router. A program
+that loses its router no longer sees any token, not even its own. So it notices this at once.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 _Topic = TypeVar("_Topic", bound=NativeTopic)
 
 DISCOVERY_TIMEOUT = 1.0
-"""Seconds that `open` waits for the programs that are there already."""
+"""Seconds that `open` waits for the programs that already run."""
 ROUTER_POLL = 0.1
 """Seconds between two looks for a router that is gone."""
 MAX_PUBLISHERS = 1024
@@ -85,7 +85,7 @@ class ZenohEngine:
         self._interrupted = False
         self._router_check_planned = False
         self._declared: list[Any] = []
-        """What lasts as long as the session; Zenoh ends what nothing refers to."""
+        """Kept until the session ends, because Zenoh closes objects that nothing refers to."""
         self._entry: bytes | None = None
         """What this program has announced."""
         self._entry_publisher: zenoh.Publisher
@@ -148,7 +148,7 @@ class ZenohEngine:
             ),
             live.declare_token(keys.alive_key(domain, place)),
         ]
-        # What was there already has arrived when these questions are answered.
+        # When these questions are answered, the tokens of all running programs have arrived.
         _wait_for(lambda over: self._ask_entries(session, entries, over))
         _wait_for(
             lambda over: live.get(
@@ -163,7 +163,9 @@ class ZenohEngine:
             if self._opened is None or not keys.is_place(place):
                 return
             publisher = self._inbox_publisher(self._opened, place)
-        with contextlib.suppress(zenoh.ZError):  # the connection finds out
+        with contextlib.suppress(
+            zenoh.ZError
+        ):  # The receiver misses the datagram's number, and ends the connection.
             publisher.put(datagram)
 
     def _inbox_publisher(self, session: zenoh.Session, place: str) -> zenoh.Publisher:
@@ -423,7 +425,7 @@ class ZenohEngine:
 
 
 def _wait_for(begin: Callable[[Callable[[], object]], object]) -> None:
-    """Begin something that calls its argument at its end, and wait for the end."""
+    """Start an operation that calls its argument at the end, and wait for the end."""
     ended = threading.Event()
     begin(ended.set)
     ended.wait(DISCOVERY_TIMEOUT)

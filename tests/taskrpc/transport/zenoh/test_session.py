@@ -19,7 +19,7 @@ def test_a_missing_router_is_named_with_what_to_do():
         open_session(configuration_of(["127.0.0.1:9"]))
     assert str(caught.value) == (
         "no Zenoh router answers at tcp/127.0.0.1:9; start one there with `taskrpc router`, or"
-        " give the address of yours with peers= or ZENOH_CONFIG_OVERRIDE"
+        " give the address of another router with --connect, peers= or ZENOH_CONFIG_OVERRIDE"
     )
 
 
