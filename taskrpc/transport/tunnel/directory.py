@@ -23,7 +23,7 @@ class Presence(msgspec.Struct, array_like=True):
     accepts: bool
     """Whether it accepts calls."""
     token: bytes
-    """The token that it expects from everybody, b"" if the token is a secret."""
+    """The token that it expects from all callers; b"" if the token is a secret."""
     names: Listing
 
 

@@ -83,7 +83,7 @@ class Native:
         self._served[offer.name] = served, closable
 
     def withdraw(self, offer: Offer) -> None:
-        """Serve it no more."""
+        """Stop serving it to foreign programs."""
         known = self._served.get(offer.name)
         if known is not None and known[0].offer is offer:
             del self._served[offer.name]
@@ -145,8 +145,8 @@ class Native:
         """Return the class for calls to these servers.
 
         It is a class of this program with the same hash. If the engine does not know the hash, the
-        name of the type must be the same. Otherwise it stands for the type of the first server, so
-        that a client with another definition gets TypeMismatch.
+        name of the type must be the same. Otherwise the result only names the type of the first
+        server: a client with another definition then gets TypeMismatch.
         """
         for server in servers:
             for each in self._types.values():
@@ -241,7 +241,7 @@ class NativeCall(IncomingCall, eq=False, kw_only=True):
             self._report_end(Code.OK)
 
     def fail(self, error: TaskRpcError) -> None:
-        """Tell the caller as far as the middleware can."""
+        """Send the error to the caller, if the middleware can carry it."""
         if not self.ended:
             self.ended = True
             self.way_back.fail(error)

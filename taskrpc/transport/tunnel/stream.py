@@ -19,11 +19,11 @@ from taskrpc.transport.tunnel.frames import MAX_DATA, Datagram, Kind, pack, pack
 WINDOW = 1024 * 1024
 """Unread bytes that one end accepts."""
 _NUMBERS = 2**32
-"""Numbers of datagrams begin again at 0 after so many."""
+"""The numbers of datagrams begin again at 0 after this many."""
 
 
 class State(Enum):
-    """Where one end stands."""
+    """The state of one end."""
 
     OPEN = "open"
     CLOSING = "closing"
@@ -75,12 +75,12 @@ class Stream:
         self._received = 0
         self._read = 0
         self._promised = window
-        """The limit that the other end knows from this one."""
+        """The last limit that this end has sent to the other one."""
 
     # The program's side
 
     def write(self, data: bytes) -> None:
-        """Send bytes, at once as far as the other end is ready for them."""
+        """Send bytes: at once if the other end is ready for them, else later."""
         if self.state is not State.OPEN:
             return
         size = len(data)
@@ -104,7 +104,7 @@ class Stream:
             self.out.append(pack_reset(self.peer, reason))
 
     def read(self, count: int) -> None:
-        """Note that the program has read so many bytes: the other end may send more."""
+        """Note that the program has read this many bytes: the other end may send more."""
         self._read += count
         # Half a window at a time: a CREDIT for each read would double the number of datagrams.
         # In a call, the DATA of the response carries the limit, and no CREDIT is needed.
@@ -146,7 +146,9 @@ class Stream:
         ahead = (number - self._expected) % _NUMBERS
         if not ahead:
             self.ended = True
-        elif ahead < _NUMBERS // 2:  # further ahead is a repeated datagram, which does no harm
+        elif (
+            ahead < _NUMBERS // 2
+        ):  # A number far ahead belongs to a repeated datagram, which does no harm.
             self.reset("a datagram is missing")
 
     def _send(self, data: bytes | memoryview) -> None:
@@ -157,7 +159,7 @@ class Stream:
         self.out.append(b"".join((header, data)))
 
     def _send_waiting(self) -> None:
-        """Send what waits, as far as the other end is ready for it; then FIN after a `close`."""
+        """Send the waiting bytes that the other end is ready for; then FIN after a `close`."""
         while self._waiting and (room := self._limit - self._sent) > 0:
             data = self._waiting.popleft()
             count = min(len(data), room, MAX_DATA)

@@ -27,7 +27,7 @@ class StreamTable:
 
     def __init__(self, send: Callable[[str, bytes], None]) -> None:
         self.accepts: Factory | None = None
-        """Makes the protocol of an accepted connection; None while none is accepted."""
+        """Makes the protocol of an accepted connection; None while no connection is accepted."""
         self.streams: dict[int, StreamTransport] = {}
         """The connections by the id that this program has chosen."""
         self.accepted: dict[tuple[str, int], int] = {}
@@ -35,7 +35,7 @@ class StreamTable:
         self.dialling: dict[int, tuple[str, Factory, asyncio.Future[asyncio.BaseProtocol]]] = {}
         """The connections that wait for an ACK: the server's place, and what follows."""
         self.forgotten: OrderedDict[int, tuple[str, int]] = OrderedDict()
-        """The place and peer id of connections that ended a short time ago."""
+        """The place and peer id of connections that ended recently."""
         self._send = send
         self._loop = asyncio.get_running_loop()
         self._garbage_log = ThrottledLog(log)
@@ -77,7 +77,7 @@ class StreamTable:
         self._refuse_dialled(f"the program at {place} has left", place)
 
     def end_all(self, reason: str, *, tell: bool) -> None:
-        """End all connections at once; `tell` the other ends, if they can be reached."""
+        """End all connections at once; with `tell`, send the other ends a RST."""
         for transport in list(self.streams.values()):
             if tell:
                 transport.abort()

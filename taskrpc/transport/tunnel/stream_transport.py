@@ -63,7 +63,7 @@ class StreamTransport(ReadingEnd):
         self._loop.call_soon(self._lose)
 
     def vanish(self) -> None:
-        """End the connection at once, without a word to the other end: it is gone."""
+        """End the connection at once, and send nothing to the other end, which is gone."""
         self._closing = True
         self._loop.call_soon(self._lose)
 

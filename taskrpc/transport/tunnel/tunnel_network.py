@@ -122,13 +122,15 @@ class TunnelNetwork:
         """Return None: only the token proves who the peer is."""
 
     def channel_binding(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
-        """Return b"": datagrams have nothing that both ends know and a relay does not."""
+        """Return b"": both ends know nothing that a relay between them does not know too."""
         return b""
 
-    # Network: what programs there are
+    # Network: other programs
 
     def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
-        """Announce a change of this program's entry. Raises NameInUse as far as programs show."""
+        """Announce a change of this program's entry.
+
+        Raises NameInUse if a known program offers the same name."""
         other = next(self._directory.serving(claim), None) if claim else None
         if other is not None:
             node = other.services[claim].node
@@ -146,7 +148,7 @@ class TunnelNetwork:
             asyncio.get_running_loop().call_soon(self._announce)
 
     def locate(self, service: str) -> list[Address]:
-        """This program and others that offer a service, then native servers."""
+        """The programs that offer a service, this one included, and then the native servers."""
         found = [
             msgspec.structs.replace(
                 self._address(tracked.about.address, tracked.about.token),
@@ -213,7 +215,7 @@ class TunnelNetwork:
         self._table.program_gone(place)
 
     def foreign_changed(self) -> None:
-        """Look at the native servers again."""
+        """Compare the calls in flight with the native servers that are left."""
         if self.native is not None and not self._closed:
             self.native.foreign_changed()
         self._changed()
@@ -227,7 +229,7 @@ class TunnelNetwork:
         self.foreign_changed()
 
     def resumed(self) -> None:
-        """Go on; the programs are reported again."""
+        """Continue: the engine reports all programs again."""
         log.warning("%s works again", self._engine.name)
         self.problem = ""
         self._announce()
