@@ -14,7 +14,7 @@ class _Use(msgspec.Struct):
     """What one account uses."""
 
     allowance: float
-    """Calls that it may begin at `since`; at most a second's worth."""
+    """The calls that the account may begin at `since`: at most those of one second."""
     since: float
     in_flight: int = 0
 

@@ -1,4 +1,4 @@
-"""Offers what a robot has on one transport on another one: services by name, and topics."""
+"""Offers services and topics of a robot, which uses one transport, to callers on another one."""
 
 from __future__ import annotations
 
@@ -89,7 +89,9 @@ class Gateway:
         try:
             type_name, text = await self.robot.definition(found.name)
             if not text:
-                raise TaskRpcError(f"the definition of {type_name} is not known here")
+                raise TaskRpcError(
+                    f"this machine has no definition of {type_name}; build or install its package"
+                )
             cls = srvgen.define(type_name, text)
             self._offered[found.name] = _Service(self, found, cls)
         except (TaskRpcError, srvgen.DefinitionError) as error:

@@ -103,7 +103,7 @@ async def serve(options: argparse.Namespace, access: remote.Remote) -> int:
         print(f"taskrpc bridge ready: {what}", file=sys.stderr, flush=True)
         tune_for_long_run()
         following = asyncio.create_task(gateway.follow())
-        following.add_done_callback(lambda _: stopped.cancel())  # it ends only after a mistake
+        following.add_done_callback(lambda _: stopped.cancel())  # `follow` ends only after a bug
         try:
             number = await stopped
         except asyncio.CancelledError:

@@ -22,7 +22,7 @@ _POLL = 0.005
 """Seconds between two looks whether DDS has connected a client with the server."""
 _LONGEST_POLL = 0.1
 _MAX_TEXT = 500
-"""Characters of an error in a response."""
+"""The most characters of an error in a response."""
 
 
 class NativeServer:
@@ -55,7 +55,7 @@ class NativeServer:
         self._is_closed = False
 
     def close(self) -> None:
-        """Serve it no more; calls without a response get none."""
+        """Stop serving it; calls in flight get no response."""
         if not self._is_closed:
             self._is_closed = True
             self._node.destroy_service(self._service)
@@ -86,7 +86,7 @@ def _request(request: Any, _: Any) -> Any:
 
 
 class _Reply:
-    """The way back for the response to one request of a ROS program."""
+    """Sends the response to one request of a ROS program."""
 
     caller = ""
 
@@ -166,7 +166,7 @@ class NativeCall:
         self._is_over = False
 
     def begin(self) -> None:
-        """Send the request, or look again later: rclpy loses a request without a server."""
+        """Send the request, or try again later: without a server, rclpy would lose it."""
         if self._is_over:
             return
         client = self._client.client

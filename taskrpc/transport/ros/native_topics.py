@@ -27,11 +27,11 @@ from taskrpc.wire.topics import qos_mismatch_text
 log = logging.getLogger("taskrpc.transport")
 
 MAX_WARNINGS = 100
-"""Warnings of one publisher or subscription; others could cause any number of mismatches."""
+"""Warnings of one publisher or subscription; other programs could cause any number."""
 
 
 class Carrier:
-    """How the messages of one class travel: as themselves, or inside a type that ROS has."""
+    """How the messages of one class travel: as their own type, or inside one that ROS has."""
 
     def __init__(self, ros: Any, msg_type: Any, ros_type: Any, bytes_type: Any) -> None:
         self._ros = ros
@@ -64,7 +64,7 @@ class Carrier:
             return self._decoded_by_ros(data, error)
 
     def _decoded_by_ros(self, data: bytes, error: InvalidRequest) -> Any:
-        """Decode a message with bytes behind its end, which some middlewares add."""
+        """Decode a message with bytes after its end, which some middlewares add."""
         if self._ros_type is None:
             raise error
         try:
@@ -120,7 +120,7 @@ class NativePublisher:
 
     @property
     def lost(self) -> int:
-        """Messages that ROS could not take."""
+        """The number of messages that ROS refused."""
         return self._lost
 
     def publish(self, body: bytes) -> None:
@@ -237,13 +237,13 @@ class _Mismatch:
         self._warnings = 0
 
     def quality(self, ros: Any, status: Any) -> None:
-        """Report a quality of service."""
+        """Report that the quality of service does not match."""
         policy = str(ros.qos.qos_policy_name_from_kind(status.last_policy_kind))
         text = qos_mismatch_text(self._named.name, policy, publishes=self._publishes)
         self._handoff.put(self._report, policy, text)
 
     def type_differs(self, _: Any) -> None:
-        """Report another type."""
+        """Report that the types differ."""
         named = self._named
         text = f"another program uses {named.name} with another type than {named.type_name}"
         self._handoff.put(self._report, "TYPE", f"{text}: they exchange no messages")

@@ -143,7 +143,7 @@ class ProgramLinks:
             self._node.destroy_publisher(sender)
 
     def report(self, program: _Program) -> None:
-        """Report whether a program is there, with its entry."""
+        """Report that a program is there, with its entry, or that it is gone."""
         if self._events is None:
             return
         if program.is_alive and program.entry is not None:
@@ -208,7 +208,7 @@ class _Program:
     def _publish(self, datagram: bytes) -> None:
         try:
             self.sender.publish(bytes_message.pack(datagram))
-        except Exception as error:  # the queue is full; the tunnel notices the missing number
+        except Exception as error:  # The queue is full. The tunnel notices the missing datagram.
             log.warning("cannot send to the program %s: %s", self.id, error)
 
     def _announced(self, body: bytes) -> None:

@@ -33,7 +33,7 @@ log = logging.getLogger("taskrpc.transport")
 LOOK = 0.1
 """Seconds between two looks at ROS's graph; one takes some tens of microseconds."""
 SETTLE = 0.5
-"""Seconds in which DDS mostly finds the programs that are there already."""
+"""Seconds in which DDS usually finds the programs that already run."""
 SETTLE_ALONE = 1.3
 """Seconds to wait while no other program is found: DDS repeats its question after one second."""
 _LONGEST_SETTLE = 2.5
@@ -66,7 +66,7 @@ class RosEngine:
         self._node: Any = None
         """The hidden node, for the graph and the other taskrpc programs."""
         self._spinners: list[Spinner] = []
-        """For the hidden node, and for all others: their many services must not slow it down."""
+        """One for the hidden node, one for all others, whose services must not slow it down."""
         self._graph: Graph | None = None
         self._nodes: dict[str, tuple[Any, int]] = {}
         """The nodes of this program by name, and how many nodes of taskrpc have the name."""
@@ -155,7 +155,7 @@ class RosEngine:
     # The graph
 
     def update(self, change: EntryChange) -> None:
-        """Create or destroy the node of a node."""
+        """Create or destroy the ROS node that shows a taskrpc node."""
         if not change.node or self._context is None:
             return
         node, count = self._nodes.get(change.node, (None, 0))
@@ -318,7 +318,7 @@ class RosEngine:
 
 
 class _Reports:
-    """The events of the links: the engine notes the programs before the tunnel does."""
+    """Receives the events of the links: the engine notes a program before the tunnel does."""
 
     def __init__(self, engine: RosEngine, events: EngineEvents) -> None:
         self._engine = engine

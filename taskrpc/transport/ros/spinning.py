@@ -22,7 +22,7 @@ _JOIN_TIMEOUT = 2.0
 
 
 class Ending:
-    """Ends things of rclpy in a thread, one after the other, because it may take a second."""
+    """Destroys objects of rclpy in a thread, one by one, because each may take a second."""
 
     def __init__(self) -> None:
         self._actions: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
@@ -31,7 +31,7 @@ class Ending:
         self._thread = threading.Thread(target=self._run, name="taskrpc ROS end", daemon=True)
 
     def put(self, action: Callable[..., object], *arguments: Any) -> None:
-        """Call an action in the thread; rclpy's errors at the end are of no interest."""
+        """Call an action in the thread; errors of rclpy while it ends are ignored."""
         self._actions.put(partial(action, *arguments))
         if self._thread.ident is None:  # it has not begun
             self._thread.start()
