@@ -59,7 +59,7 @@ class LeaseKeeper:
         on_joined: Callable[[int], object],
     ) -> None:
         self.epoch = 0
-        """The epoch of the lease; 0 while another server may have taken notice of its end."""
+        """The epoch of the lease; 0 if another server may have ended the lease."""
         self._store = store
         self._robot = robot
         self._lease = lease
@@ -98,7 +98,7 @@ class LeaseKeeper:
         self._keeping = asyncio.create_task(self._keep(), name="taskrpc lease")
 
     async def leave(self) -> None:
-        """Give the lease up. Raises TaskRpcError if the database does not learn it."""
+        """End the lease. Raises TaskRpcError if the end could not be stored."""
         keeping, self._keeping = self._keeping, None
         if keeping is not None:
             keeping.cancel()
@@ -137,7 +137,7 @@ class LeaseKeeper:
                 pause = _RETRY_AFTER
             except TaskRpcError as error:
                 pause = min(pause, _RETRY_AFTER)
-                # The text of NameTaken counts seconds down: it would be another one each time.
+                # The text of NameTaken has the seconds that are left, so each one differs.
                 found = "name taken" if isinstance(error, rules.NameTaken) else str(error)
                 if found != problem:
                     problem = found

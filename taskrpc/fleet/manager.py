@@ -121,7 +121,7 @@ class FleetManager(ManagedRobot):
         try:
             await self.lease.leave()
         except TaskRpcError as error:
-            _log.warning("the fleet takes notice when the lease ends: %s", error)
+            _log.warning("the other servers notice this end only when the lease ends: %s", error)
         self.store.listeners.remove(self._changed)
         await self.store.close()
 

@@ -1,4 +1,4 @@
-"""The plan of a fleet: in the order of execution, each task goes to the robot that ends it first.
+"""The plan of a fleet: in order of execution, each task goes to the robot that completes it first.
 
 All servers compute the same plan from the same records. A server begins only the task that the plan
 gives to its own robot next. The plan is pure: time and records are arguments.

@@ -6,8 +6,8 @@ rows above its last revision misses nothing. Each transaction takes two round tr
 then write and commit.
 
 NOTIFY wakes the other servers. Because a notification can be lost, each server also looks after
-`POLL` seconds. A transaction whose COMMIT got no answer has left the number of its batch in
-`taskrpc_writer`, or not: so the store finds out after it has connected again.
+`POLL` seconds. If a connection is lost during a COMMIT, the store connects again and looks for the
+number of the transaction in `taskrpc_writer`: it is there only if the transaction took effect.
 """
 
 from __future__ import annotations

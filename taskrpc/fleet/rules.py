@@ -34,7 +34,7 @@ from taskrpc.tasks.responses import (
 
 
 class Fenced(TaskRpcError):
-    """Another server has taken notice that this server's lease ended: nothing was written."""
+    """Another server has ended this server's lease: nothing was written."""
 
     not_executed = True
 
@@ -140,7 +140,7 @@ def own(state: FleetState, name: str, epoch: int) -> RobotRecord:
     if robot is None or robot.is_gone or robot.epoch != epoch:
         raise Fenced(
             f"the lease of {name} has ended: its server could not renew it in time,"
-            " and another server has taken notice"
+            " and another server has ended it"
         )
     return robot
 
@@ -216,7 +216,9 @@ def claim(
 
 
 def _put_back(state: FleetState, now: float, robot: RobotRecord) -> RobotRecord:
-    """Undo a claim whose commit got no answer: the robot has not moved."""
+    """Undo a claim that may have been committed although its connection was lost.
+
+    The robot has not moved for it."""
     task = state.tasks.get(robot.task_id)
     if task is not None and task.state.is_begun and task.robot == robot.name:
         if task.state is TaskState.CANCELING:
@@ -268,7 +270,7 @@ def update(
     robot = own(state, name, epoch)
     before = state.tasks.get(task.task_id)
     if before is not None and not robot.task_id and _is_same_end(before, task, name):
-        return  # the first attempt took effect, but its commit got no answer
+        return  # The first attempt took effect, but its connection was lost before the answer.
     if robot.task_id != task.task_id or before is None:
         raise Fenced(f"{name} does not execute task {task.task_id} any more")
     if task.state.is_ended:

@@ -111,7 +111,7 @@ class FleetServer(OfferedTasks):
             nothing_done()
         return filled(response, result)
 
-    # What a client asks of one server, it may have changed at another one just before.
+    # A client may have changed the tasks at another server just before it asks this one.
 
     async def list_tasks(self, request: Any, response: Any) -> Any:
         """List tasks in the order of execution; see ListTasks.srv."""

@@ -103,7 +103,7 @@ class FleetWorker:
         self._records.execution = None
 
     def look(self) -> None:
-        """Take notice that the fleet's records have changed."""
+        """React to a change of the fleet's records."""
         if self._working is None:
             return  # it has not started yet
         halts, is_paused, reason = self._orders()
@@ -175,7 +175,7 @@ class FleetWorker:
     def _followed(self, following: asyncio.Task[object]) -> None:
         self._following.discard(following)
         if not following.cancelled() and (error := following.exception()) is not None:
-            log.error("a request of another server failed: %s", error)
+            log.error("the robot did not follow a pause, resume or stop: %s", error)
 
     # The work
 
@@ -218,14 +218,14 @@ class FleetWorker:
         try:
             return await store.transact(action)
         except TaskRpcError as error:
-            # A claim whose commit got no answer is put back by the next claim.
+            # If this claim was committed all the same, the next claim puts its task back.
             log.warning("%s cannot claim a task: %s", name, error)
             return None
 
     async def _execute(self, task: Task, plan: Plan) -> None:
         if not self._lease.is_valid:
             # This process was paused between the claim and its answer. The next claim puts the
-            # task back, or the server that has taken notice has interrupted it.
+            # task back, or another server has interrupted it.
             return
         queued = msgspec.structs.replace(task, state=TaskState.QUEUED, robot="", started_at=None)
         execution = TaskExecution(
