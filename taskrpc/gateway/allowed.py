@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from fnmatch import translate
+from fnmatch import fnmatchcase
 
 _OF_EVERY_NODE = (
     "describe_parameters",
@@ -33,17 +33,29 @@ class Allowed:
     """
 
     def __init__(self, patterns: Iterable[str]) -> None:
-        absolute = [_absolute(each) for each in patterns]
-        self._patterns = [(re.compile(translate(each)), _last_part(each)) for each in absolute]
+        self._patterns = {each: _absolute(each) for each in patterns}
+        """The absolute pattern by the one that was given."""
+
+    def unused(self, names: Iterable[str]) -> list[str]:
+        """Return the patterns that allow none of these names."""
+        present = list(names)
+        return [
+            given
+            for given, pattern in self._patterns.items()
+            if not any(_allows(pattern, each) for each in present)
+        ]
 
     def __contains__(self, name: str) -> bool:
-        if "/_" in name:
-            return False
-        end = _last_part(name)
-        return any(
-            pattern.match(name) and (end not in _OF_EVERY_NODE or end == last)
-            for pattern, last in self._patterns
-        )
+        return any(_allows(pattern, name) for pattern in self._patterns.values())
+
+
+def _allows(pattern: str, name: str) -> bool:
+    end = _last_part(name)
+    return (
+        "/_" not in name
+        and fnmatchcase(name, pattern)
+        and (end not in _OF_EVERY_NODE or end == _last_part(pattern))
+    )
 
 
 def _absolute(pattern: str) -> str:

@@ -53,11 +53,23 @@ class Gateway:
         self._published: dict[str, _Topic] = {}
         self._reported: dict[str, str] = {}
         """The problem that was logged last, by name."""
+        self.unused: list[str] = []
+        """The patterns of names that allow nothing of what the robot has now."""
 
     @property
     def names(self) -> list[str]:
         """The services that are offered now."""
         return sorted(self._offered)
+
+    @property
+    def topic_names(self) -> list[str]:
+        """The topics that are offered now."""
+        return sorted(self._published)
+
+    @property
+    def calls_in_flight(self) -> int:
+        """The calls that have no response yet."""
+        return sum(each.calls_in_flight for each in self._offered.values())
 
     async def follow(self) -> None:
         """Keep services and topics up to date, until cancelled."""
@@ -73,6 +85,7 @@ class Gateway:
             services |= {each.name: each for each in entry.services if each.name in self._services}
             publishers += [each for each in entry.publishers if each.name in self._topics]
         topics = topics_of(publishers)
+        self.unused = self._services.unused(services) + self._topics.unused(topics)
         for name in [name for name, each in self._offered.items() if each.is_over(services)]:
             self._offered.pop(name).close()
             log.info("%s has left the robot", name)
@@ -153,6 +166,12 @@ class _Service:
             self._found.type_hash,
         )
 
+    @property
+    def calls_in_flight(self) -> int:
+        """Its calls without a response."""
+        status = self._service.status()
+        return status.running + status.waiting
+
     def close(self) -> None:
         """Withdraw the service; calls to the robot go on to their end."""
         self._service.destroy()
@@ -171,15 +190,20 @@ class _Service:
             )
             call.fail(ServerBusy(problem, retry_after=wait))
             return
-        left = info.time_left()
-        timeout = self._gateway.timeout if left is None else min(left, self._gateway.timeout)
-        sent = self._client.call_async(call.request, timeout)
+        left, most = info.time_left(), self._gateway.timeout
+        sent = self._client.call_async(call.request, most if left is None else min(left, most))
+        has_our_limit = left is None or left > most
         call.started()
         info.on_cancel = sent.cancel
-        sent.add_done_callback(partial(self._done, call, account, began))
+        sent.add_done_callback(partial(self._done, call, account, began, has_our_limit))
 
     def _done(
-        self, call: DeferredCall[Any, Any], account: str, began: float, sent: asyncio.Future[Any]
+        self,
+        call: DeferredCall[Any, Any],
+        account: str,
+        began: float,
+        has_our_limit: bool,
+        sent: asyncio.Future[Any],
     ) -> None:
         end = partial(self._gateway.limits.end, account)
         if sent.cancelled() or isinstance(sent.exception(), DeadlineExceeded):
@@ -192,6 +216,11 @@ class _Service:
             call.fail(TaskRpcError("cancelled by the caller"))
         elif (error := sent.exception()) is None:
             call.reply(sent.result())
+        elif isinstance(error, DeadlineExceeded) and has_our_limit:
+            limit = f"within {self._gateway.timeout:g} s, which is the gateway's --timeout"
+            fate = "was not sent" if error.not_executed else "may have run"
+            text = f"{self._found.name} did not respond {limit}; the call {fate}"
+            call.fail(DeadlineExceeded(text, not_executed=error.not_executed))
         elif isinstance(error, TaskRpcError):
             call.fail(error)
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from typing import Any
 
 from taskrpc.cli.shared import remote
@@ -12,6 +13,9 @@ from taskrpc.cli.shared.parsing import number, whole
 
 _GATEWAY = "taskrpc_gateway"
 """The name of its two nodes: one on the robot, one for the laptops."""
+_LOOKS, _PAUSE = 15, 0.2
+"""How often, and after how many seconds, it looks for allowed names before it reports: DDS finds
+some programs late."""
 
 
 def configure(ros: argparse.ArgumentParser) -> None:
@@ -94,13 +98,22 @@ async def serve(options: argparse.Namespace, access: remote.Remote) -> int:
 
         def health(_: Any, response: Any) -> Any:
             response.success = bool(gateway.names)
-            response.message = f"{len(gateway.names)} services of the robot"
+            response.message = f"{_count(gateway.names, 'service')} of the robot"
             return response
 
         lab.create_service(trigger, "~/health", health, role=Role.OBSERVE)
-        await gateway.update()
-        what = f"{len(gateway.names)} services of the robot at {lab.address}"
-        print(f"taskrpc bridge ready: {what}", file=sys.stderr, flush=True)
+        for _ in range(_LOOKS):
+            await gateway.update()
+            if not gateway.unused or stopped.done():
+                break
+            await asyncio.sleep(_PAUSE)
+        found = f"{_count(gateway.names, 'service')} and {_count(gateway.topic_names, 'topic')}"
+        print(f"taskrpc bridge ready: {found} of the robot at {lab.address}", file=sys.stderr)
+        for pattern in gateway.unused:
+            problem = f"taskrpc bridge: the robot has nothing yet that {pattern!r} allows"
+            lists = f"`taskrpc service list --transport {options.transport}`, or topic list"
+            print(f"{problem}; see what it has: {lists}", file=sys.stderr)
+        sys.stderr.flush()
         tune_for_long_run()
         following = asyncio.create_task(gateway.follow())
         following.add_done_callback(lambda _: stopped.cancel())  # `follow` ends only after a bug
@@ -110,5 +123,15 @@ async def serve(options: argparse.Namespace, access: remote.Remote) -> int:
             following.result()
             raise
         following.cancel()
+        if calls := gateway.calls_in_flight:
+            text = (
+                f"{calls} in flight, at most {options.timeout:g} s; a second signal does not wait"
+            )
+            print(f"taskrpc bridge: waiting for calls: {text}", file=sys.stderr, flush=True)
+        await lab.drain(options.timeout)
         gateway.close()
     return number
+
+
+def _count(names: Sequence[str], what: str) -> str:
+    return f"{len(names)} {what}{'' if len(names) == 1 else 's'}"

@@ -44,3 +44,10 @@ def test_pattern_that_matches_no_name_is_refused(pattern):
 def test_pattern_for_hidden_names_is_refused(pattern):
     with pytest.raises(ValueError, match="hidden names are never allowed; got '"):
         Allowed([pattern])
+
+
+def test_patterns_that_allow_no_present_name_are_listed():
+    allowed = Allowed(["/arm/*", "dor", "/leg/*"])
+    present = ["/arm/open", "/door", "/leg/_hidden", "/leg/set_parameters"]
+    assert allowed.unused(present) == ["dor", "/leg/*"]
+    assert allowed.unused([]) == ["/arm/*", "dor", "/leg/*"]

@@ -154,7 +154,8 @@ async def test_call_to_the_robot_has_a_deadline_and_is_cancelled_with_its_caller
     await asyncio.sleep(3 * LOOK)
     client = lab.laptop.create_client(Trigger, "/arm/open", timeout=None)
     began = asyncio.get_running_loop().time()
-    with pytest.raises(DeadlineExceeded):
+    limit = "/arm/open did not respond within 2 s, which is the gateway's --timeout; the call may"
+    with pytest.raises(DeadlineExceeded, match=limit):
         await client.call(Trigger.Request())
     assert cancelled == [pytest.approx(began + 2.0, abs=0.1)]
     calling = asyncio.create_task(client.call(Trigger.Request()))

@@ -56,9 +56,20 @@ async def test_gateway_offers_the_services_of_the_robot_until_it_is_stopped(monk
         yield stopped
 
     monkeypatch.setattr("taskrpc.program.stop_requested", stop_requested)
-    options = main.parser_of("bridge").parse_args(["bridge", "ros", "--allow", "/open"])
+    options = main.parser_of("bridge").parse_args(
+        ["bridge", "ros", "--allow", "/open", "--allow", "/shut", "--allow", "/dor"]
+    )
+    begun, ended = asyncio.Event(), asyncio.Event()
+
+    async def shut(_, response):
+        begun.set()
+        await ended.wait()
+        response.message = "shut"
+        return response
+
     async with taskrpc.Node("robot", transport="ros", listen="robot") as robot:
         robot.create_service(trigger, "/open", lambda _, response: response)
+        robot.create_service(trigger, "/shut", shut)
         serving = asyncio.create_task(gateway.serve(options, remote.remote_of(options)))
         async with taskrpc.Node("laptop") as laptop:
             client = laptop.create_client(trigger, "/open")
@@ -66,7 +77,21 @@ async def test_gateway_offers_the_services_of_the_robot_until_it_is_stopped(monk
             assert await client.call(trigger.Request())
             health = laptop.create_client(trigger, "/taskrpc_gateway/health")
             found = await health.call(trigger.Request())
-        stopped.set_result(signal.SIGTERM)
-        assert await serving == signal.SIGTERM
-    assert (found.success, found.message) == (True, "1 services of the robot")
-    assert "taskrpc bridge ready: 1 services of the robot at 127.0.0.1:" in capsys.readouterr().err
+            calling = asyncio.create_task(
+                laptop.create_client(trigger, "/shut").call(trigger.Request())
+            )
+            await begun.wait()
+            stopped.set_result(signal.SIGTERM)
+            printed = ""
+            while "waiting for calls: 1 in flight, at most 10 s" not in printed:
+                await asyncio.sleep(0.01)
+                printed += capsys.readouterr().err
+            ended.set()
+            assert (await calling).message == "shut"
+            assert await serving == signal.SIGTERM
+    assert (
+        "the robot has nothing yet that '/dor' allows; see what it has: `taskrpc service" in printed
+    )
+    assert "that '/open' allows" not in printed
+    assert (found.success, found.message) == (True, "2 services of the robot")
+    assert "taskrpc bridge ready: 2 services and 0 topics of the robot at 127.0.0.1:" in printed

@@ -144,6 +144,17 @@ async def test_waiting_and_call_share_the_timeout(serve, capsys):
     assert now() == pytest.approx(4.0, abs=0.1)
 
 
+async def test_shorter_limit_of_a_gateway_is_not_shown_as_the_timeout_of_the_command():
+    def refuse(deferred):
+        error = DeadlineExceeded("the robot did not respond within 1 s")
+        asyncio.get_running_loop().call_later(1, deferred.fail, error)
+
+    async with taskrpc.Node("gateway", transport="memory") as node:
+        node.create_deferred_service(ADD, "/add_two_ints", refuse)
+        with pytest.raises(DeadlineExceeded, match="the robot did not respond within 1 s"):
+            await perform(plan(timeout=4.0))
+
+
 async def test_call_without_a_timeout_waits_for_service_and_response_without_limit(serve, capsys):
     async def slow(request, response):
         await asyncio.sleep(60.0)
