@@ -15,9 +15,15 @@ if TYPE_CHECKING:
 _NEXT = """\
 Try next:
   taskrpc service list
-  taskrpc-call /robot_task task_type=move target=station_1 priority=5
-  taskrpc task list
+  {}
+  {}
 `taskrpc join --leave` forgets the lab."""
+_WITH_TASKS = (
+    "taskrpc-call /robot_task task_type=move target=station_1 priority=5",
+    "taskrpc task list",
+)
+_WITHOUT_TASKS = "taskrpc service type NAME", "taskrpc topic list"
+"""For a gateway to a robot: which calls are harmless is not known here."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -57,7 +63,8 @@ def _join(text: str) -> Exit:
     if lab.namespace != "/":
         print(f"Your own services are in {lab.namespace}: `greet` is {lab.namespace}/greet.")
     _warn_of_peers()
-    print(_NEXT)
+    has_tasks = any(each.name == "/robot_task" for each in listing.services)
+    print(_NEXT.format(*(_WITH_TASKS if has_tasks else _WITHOUT_TASKS)))
     return Exit.DONE
 
 
