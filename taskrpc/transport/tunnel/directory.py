@@ -25,6 +25,8 @@ class Presence(msgspec.Struct, array_like=True):
     token: bytes
     """The token that it expects from all callers; b"" if the token is a secret."""
     names: Listing
+    revision: int = 0
+    """Counts the presences of the program: a middleware may deliver an old one after a new one."""
 
 
 _decode = messages.decoder(Presence)
@@ -35,18 +37,30 @@ class Directory:
 
     def __init__(self) -> None:
         self._programs: dict[str, TrackedEntry] = {}
+        self._revisions: dict[str, tuple[float, int]] = {}
+        """When the program at a place started, and the revision of its entry."""
 
     def seen(self, place: str, presence: bytes) -> None:
-        """Add a program, or replace its entry. Raises ProtocolError for an invalid presence."""
-        self._programs[place] = TrackedEntry(entry_in(presence, place))
+        """Add a program, or replace its entry by a newer one.
+
+        Raises ProtocolError for an invalid presence.
+        """
+        shown = _decode(presence)
+        since, revision = self._revisions.get(place, (shown.since, shown.revision))
+        if shown.since == since and shown.revision < revision:
+            return
+        self._revisions[place] = shown.since, shown.revision
+        self._programs[place] = TrackedEntry(_entry_of(shown, place))
 
     def gone(self, place: str) -> bool:
         """Remove a program; return whether it was there."""
+        self._revisions.pop(place, None)
         return self._programs.pop(place, None) is not None
 
     def clear(self) -> None:
         """Remove all programs."""
         self._programs.clear()
+        self._revisions.clear()
 
     def __contains__(self, place: str) -> bool:
         return place in self._programs
@@ -71,7 +85,10 @@ class Directory:
 
 def entry_in(presence: bytes, place: str) -> RegistryEntry:
     """Return the entry of the program at a place. Raises ProtocolError for an invalid presence."""
-    shown = _decode(presence)
+    return _entry_of(_decode(presence), place)
+
+
+def _entry_of(shown: Presence, place: str) -> RegistryEntry:
     return RegistryEntry(
         pid=0,
         script=shown.script,
@@ -87,7 +104,7 @@ def entry_in(presence: bytes, place: str) -> RegistryEntry:
     )
 
 
-def presence_of(entry: RegistryEntry, token: bytes) -> bytes:
+def presence_of(entry: RegistryEntry, token: bytes, revision: int) -> bytes:
     """Return what others may see of this program; `token` is empty or no secret."""
     script = "".join(each if each.isprintable() else "?" for each in entry.script[:MAX_SCRIPT])
     names = Listing(
@@ -97,4 +114,6 @@ def presence_of(entry: RegistryEntry, token: bytes) -> bytes:
         list(entry.publishers),
         list(entry.subscriptions),
     )
-    return messages.encode(Presence(script, entry.since, bool(entry.address), token, names))
+    return messages.encode(
+        Presence(script, entry.since, bool(entry.address), token, names, revision)
+    )

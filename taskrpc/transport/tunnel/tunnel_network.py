@@ -61,6 +61,8 @@ class TunnelNetwork:
         """Of `EngineEvents`; no method of its own, which would add a function call."""
         self._opening: asyncio.Task[None] | None = None
         self._announcing = False
+        self._announced = 0
+        """Counts the presences of this program."""
         self._closed = False
         self._change: asyncio.Future[None] | None = None
         """Done at the next change of the directory."""
@@ -240,7 +242,9 @@ class TunnelNetwork:
     def _announce(self) -> None:
         self._announcing = False
         if self._own is not None and not self._closed:
-            self._engine.announce(presence_of(self._own.entry(), self._shown_token))
+            self._announced += 1
+            presence = presence_of(self._own.entry(), self._shown_token, self._announced)
+            self._engine.announce(presence)
 
     def _changed(self) -> None:
         self._revision += 1

@@ -21,7 +21,7 @@ def entry(**more):
 
 def seen(**more):
     directory = Directory()
-    directory.seen("box 1", presence_of(entry(**more), b"public"))
+    directory.seen("box 1", presence_of(entry(**more), b"public", 1))
     return directory
 
 
@@ -39,8 +39,23 @@ def test_a_program_is_found_by_what_it_offers_and_publishes():
 
 def test_a_later_presence_replaces_the_earlier_one():
     directory = seen(services=(ADD,))
-    directory.seen("box 1", presence_of(entry(services=()), b""))
+    directory.seen("box 1", presence_of(entry(services=()), b"", 2))
     assert list(directory.serving("/add")) == []
+
+
+def test_an_old_presence_that_arrives_late_is_ignored():
+    directory, empty = seen(services=(ADD,)), entry(services=())
+    directory.seen("box 1", presence_of(empty, b"", 0))
+    assert list(directory.serving("/add"))
+    directory.gone("box 1")
+    directory.seen("box 1", presence_of(empty, b"", 0))
+    assert not list(directory.serving("/add"))
+
+
+def test_a_program_that_started_again_at_the_same_place_replaces_the_earlier_one():
+    directory = seen(services=(ADD,))
+    directory.seen("box 1", presence_of(entry(services=(), since=6.0), b"", 0))
+    assert not list(directory.serving("/add"))
 
 
 def test_a_program_that_is_gone_is_forgotten():
@@ -81,7 +96,7 @@ def test_a_presence_with_control_characters_is_refused(field):
     values = ((evil,), (service,), (service,), (topic,), (topic,))
     directory = Directory()
     with pytest.raises(ProtocolError):
-        directory.seen("box 1", presence_of(entry(**{names[field]: values[field]}), b""))
+        directory.seen("box 1", presence_of(entry(**{names[field]: values[field]}), b"", 1))
     assert directory.entries() == []
 
 
@@ -89,7 +104,7 @@ def test_a_presence_with_control_characters_is_refused(field):
 def test_any_other_bytes_raise_only_a_protocol_error(given_data):
     directory = Directory()
     if not isinstance(given_data, bytes):
-        good = bytearray(presence_of(entry(services=(ADD,), publishers=(TOPIC,)), b"public"))
+        good = bytearray(presence_of(entry(services=(ADD,), publishers=(TOPIC,)), b"public", 1))
         position = given_data.draw(st.integers(0, len(good) - 1))
         good[position] = given_data.draw(st.integers(0, 255))
         given_data = bytes(good)[: given_data.draw(st.integers(0, len(good)))]
@@ -103,7 +118,7 @@ def test_any_other_bytes_raise_only_a_protocol_error(given_data):
 
 
 def test_a_later_version_may_append_fields():
-    shown = msgspec.msgpack.decode(presence_of(entry(services=(ADD,)), b""))
+    shown = msgspec.msgpack.decode(presence_of(entry(services=(ADD,)), b"", 1))
     directory = Directory()
     directory.seen("box 1", msgspec.msgpack.encode([*shown, "new"]))
     assert len(list(directory.serving("/add"))) == 1
