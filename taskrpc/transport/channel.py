@@ -288,21 +288,28 @@ class RemoteChannel:
         return 0 if changed else failures + 1
 
     async def _connect(self) -> None:
+        tried: set[tuple[str, str]] = set()
+        problem, refusal = no_server(self._endpoint.network, self._shown), None
+        # Another server may have appeared while one that is gone was tried.
+        while addresses := self._untried(tried):
+            for name, address in addresses:
+                tried.add((name, address.place))
+                try:
+                    return await self._reach(name, address)
+                except (TypeMismatch, AuthenticationFailed, PermissionDenied) as error:
+                    refusal = refusal or error
+                except ServiceUnavailable:
+                    pass  # the peer offers other services only
+                except TaskRpcError as error:
+                    problem = ServiceUnavailable(f"{self._shown} could not be reached: {error}")
+        raise refusal or problem
+
+    def _untried(self, tried: set[tuple[str, str]]) -> list[tuple[str, Address]]:
+        """The addresses of possible servers that are not among the `tried` names and places."""
         self._mark = self._endpoint.availability.mark()
         addresses = self._locate()
         self._has_addresses = bool(addresses)
-        problem = no_server(self._endpoint.network, self._shown)
-        refusal: TaskRpcError | None = None
-        for name, address in addresses:
-            try:
-                return await self._reach(name, address)
-            except (TypeMismatch, AuthenticationFailed, PermissionDenied) as error:
-                refusal = refusal or error
-            except ServiceUnavailable:
-                pass  # the peer offers other services only
-            except TaskRpcError as error:
-                problem = ServiceUnavailable(f"{self._shown} could not be reached: {error}")
-        raise refusal or problem
+        return [(name, each) for name, each in addresses if (name, each.place) not in tried]
 
     async def _reach(self, name: str, address: Address) -> None:
         endpoint = self._endpoint

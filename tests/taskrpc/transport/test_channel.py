@@ -68,6 +68,25 @@ async def test_known_server_that_cannot_be_reached_is_dialled_at_growing_interva
             assert (await client.call(ask(1, 2))).sum == 3
 
 
+async def test_server_that_appears_while_a_dead_one_is_dialled_is_tried_too():
+    async with (
+        taskrpc.Node("dead", transport="memory", listen="dead") as dead,
+        taskrpc.Node("client", transport="memory", listen="client") as node,
+        taskrpc.Node("alive", transport="memory", listen="alive") as alive,
+    ):
+        dead.create_service(Add, "add", add)
+        client, dial = node.create_client(Add, "add"), node._transport.network.dial
+
+        async def dialled(address, factory):
+            if address.place != dead.address:
+                return await dial(address, factory)
+            alive.create_service(Add, "add", add, join=True)
+            raise ConnectionRefusedError("the program has left")
+
+        node._transport.network.dial = dialled
+        assert (await client.call(ask(1, 2))).sum == 3
+
+
 async def test_call_that_finds_no_other_server_fails_at_once():
     async with (
         taskrpc.Node("server", transport="memory", token="s") as server,

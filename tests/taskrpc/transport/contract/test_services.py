@@ -24,6 +24,12 @@ from tests.taskrpc.transport.helpers import (
 # Services that come and go
 
 
+async def until_offered_by(client, servers):
+    """Return once the client's program knows so many servers of the service."""
+    network = client._channel._endpoint.network
+    await until(lambda: len(network.locate(client.service_name)) == servers)
+
+
 async def test_a_service_withdrawn_and_offered_again_is_found_by_the_same_client(net):
     server, client = await served(net)
     for _ in range(3):
@@ -116,6 +122,7 @@ async def test_calls_that_wait_in_the_client_move_to_another_server_too(net):
     calls = [client.call_async(ask(n), timeout=None) for n in range(300)]
     await until(lambda: len(gate.started) == 256)
     second.create_service(Add, "gate", other, concurrency=10_000, join=True)
+    await until_offered_by(client, 2)
     other.opened.set()
     draining = asyncio.create_task(first.drain())
     await asyncio.sleep(0.01)
@@ -135,6 +142,7 @@ async def test_a_moved_call_keeps_its_deadline_and_can_be_cancelled(net):
     moved, cancelled = (client.call_async(ask(n), timeout=0.3) for n in (1, 2))
     await asyncio.sleep(0.01)
     second.create_service(Add, "gate", other, concurrency=5, join=True)
+    await until_offered_by(client, 2)
     await first.destroy()
     assert isinstance(await outcome(running), taskrpc.OutcomeUnknown)
     await until(lambda: other.started == [1, 2])
