@@ -196,8 +196,8 @@ class ZenohSubscription(NativeTopic):
         self.lost = 0
         self.decode: Callable[[Body], Any] = partial(cdr.decode, msg_type)
         self._handoff = handoff
-        self._deliver = deliver
-        self._closed = False
+        self._deliver: Deliver | None = deliver
+        """None once it is closed."""
         self._last: dict[bytes, int] = {}
         """The sequence number of the last message of each publisher, by its gid."""
         self._subscriber = _declare_subscriber(place, named, handler(handoff, self._arrived))
@@ -205,12 +205,14 @@ class ZenohSubscription(NativeTopic):
 
     def close(self) -> None:
         """End the subscription."""
-        self._closed = True
         super().close()
         self._subscriber.undeclare()
+        # Zenoh 1.7 keeps the handler of an advanced subscriber, and so this object.
+        self._deliver = None
+        self.on_matched, self._on_mismatch = _nothing, None
 
     def _arrived(self, sample: zenoh.Sample) -> None:
-        if self._closed:
+        if self._deliver is None:
             return
         if sample.attachment is not None:
             self._count_lost(sample.attachment.to_bytes())

@@ -14,6 +14,7 @@ import taskrpc
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport import shared_endpoint
 from taskrpc.transport.shared_endpoint import Registration
+from tests.taskrpc.transport import helpers
 from tests.taskrpc.transport.contract.transports import CASES, LOOPS, case_of
 
 _numbers = itertools.count()
@@ -47,7 +48,7 @@ def pytest_collection_modifyitems(items):
             # The imports of foreign packages may use what Python is going to remove.
             item.add_marker(pytest.mark.filterwarnings("ignore::DeprecationWarning"))
         if (reason := case.lacks.get(item.originalname)) is not None:
-            item.add_marker(pytest.mark.xfail(reason=reason, strict=True, run=not case.mark))
+            item.add_marker(pytest.mark.xfail(reason=reason, strict=True, run=case.runs_lacks))
 
 
 class Network:
@@ -96,6 +97,8 @@ def zenoh_router():
 async def net(monkeypatch, request):
     name = case_of(type(asyncio.get_running_loop())) or "tcp"
     case = CASES[name]
+    if request.node.get_closest_marker("xfail"):
+        monkeypatch.setattr(helpers, "patience", 1)
     if case.opener:
         registration = Registration(case.opener)
         monkeypatch.setitem(shared_endpoint.TRANSPORTS, case.transport, registration)

@@ -41,16 +41,20 @@ class Gate:
         return response
 
 
-async def until(condition, seconds=60):
+patience = 60
+"""Seconds that `until` and `until_seen` wait. Tests that must fail wait less; see `conftest`."""
+
+
+async def until(condition, seconds=None):
     """Return once `condition()` is true; fail if it never is."""
-    async with asyncio.timeout(seconds):
+    async with asyncio.timeout(seconds or patience):
         while not condition():
             await asyncio.sleep(0.002)
 
 
-async def until_seen(node, condition, seconds=60):
+async def until_seen(node, condition):
     """Return once `condition(entries)` is true for the graph that the node sees."""
-    async with asyncio.timeout(seconds):
+    async with asyncio.timeout(patience):
         while not condition(await node.graph()):
             await asyncio.sleep(0.002)
 

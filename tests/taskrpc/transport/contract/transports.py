@@ -28,6 +28,8 @@ class Case(NamedTuple):
     """The argument that gives a node an endpoint of its own; nodes with equal ones share one."""
     lacks: Mapping[str, str] = {}
     """Tests that must fail, with the reason."""
+    runs_lacks: bool = True
+    """Whether these tests run. False if some of them fail only sometimes, or hang."""
     needs: str = ""
     """A module without which the case is skipped."""
     by_address: bool = False
@@ -56,7 +58,6 @@ NATIVE_TOPICS = dict.fromkeys(
         "test_many_subscriptions_made_at_once_look_for_publishers_together",
         "test_publishers_of_one_turn_are_announced_together_before_their_messages",
         "test_the_other_topics_of_a_connection_take_turns",
-        "test_thousands_of_subscriptions_that_come_and_go_leave_nothing",
         "test_waiting_messages_are_bounded_in_bytes",
         "test_waiting_messages_of_a_destroyed_publisher_count_as_lost",
     ),
@@ -124,7 +125,8 @@ CASES = {
     "zenoh native": ZENOH._replace(lacks=ZENOH_TOPICS),
 }
 if find_spec("rclpy") and find_spec("rclpy._rclpy_pybind11"):  # the real one
-    ROS = Case("ros", REAL, mark="interop", domains=range(100, 121))
+    # Whether a program is found in time is chance.
+    ROS = Case("ros", REAL, mark="interop", domains=range(100, 121), runs_lacks=False)
     itself = "test_a_program_that_names_itself_among_its_peers_gets_its_messages_once"
     CASES["ros"] = ROS._replace(
         settings={"token": "secret"},

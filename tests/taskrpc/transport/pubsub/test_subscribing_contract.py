@@ -322,15 +322,16 @@ async def test_thousands_of_subscriptions_that_come_and_go_leave_nothing(net):
         await until(lambda: publisher.get_subscription_count() == 1)
         some.clear()
         del subscription
-    (link,) = listener._transport.topics._links.values()
-    assert list(link.subscriptions.values()) == [keeper._receiver]
-    ours = listener._transport.topics
-    assert [list(these) for these in ours._local_subscriptions.values()] == [[keeper._receiver]]
-    theirs = talker._transport.topics
-    assert [len(these) for these in theirs._remote_subscriptions.values()] == [1]
     gc.collect()
     alive = [each for each in gc.get_objects() if isinstance(each, topic.Subscription)]
     assert [each for each in alive if each.topic_name == "/counts"] == [keeper]
+    if listener._transport.network.native is not None:
+        return  # the connections carry no topics
+    ours, theirs = listener._transport.topics, talker._transport.topics
+    (link,) = ours._links.values()
+    assert list(link.subscriptions.values()) == [keeper._receiver]
+    assert [list(these) for these in ours._local_subscriptions.values()] == [[keeper._receiver]]
+    assert [len(these) for these in theirs._remote_subscriptions.values()] == [1]
 
 
 async def test_a_thread_that_waits_to_publish_learns_that_the_publisher_is_gone(net, monkeypatch):

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import gc
+import weakref
 
 import pytest
 
 import srvgen
 from taskrpc.transport.zenoh import attachment, keys
 from taskrpc.transport.zenoh.tokens import Kind
+from taskrpc.wire.messages import TopicEndpoint
 from tests.taskrpc.transport.helpers import until
 from tests.taskrpc.transport.zenoh.helpers import GID
 
@@ -107,3 +110,23 @@ async def test_tokens_show_the_profile_of_a_topic(node, foreign):
     assert shown.endswith("2:1:,3:,:,:,,")
     assert keys.dds_type(String._TYPE) in shown
     assert any("/NN/%/%/here" in each for each in tokens)
+
+
+class Deliver:
+    """Gets messages; an object that a weak reference can follow."""
+
+    def __call__(self, body, number):
+        pass
+
+
+async def test_a_closed_subscription_refers_to_nothing_of_the_program(node):
+    """Zenoh 1.7 keeps the handler of a transient_local subscription, and so the subscription."""
+    engine, deliver = node._transport.network._native_engine, Deliver()
+    named = TopicEndpoint("/text", String._TYPE, String._HASH, "/here", 1, True, True)
+    subscription = engine.create_subscription(named, String, deliver, None)
+    kept = weakref.ref(deliver)
+    subscription.close()
+    del deliver
+    gc.collect()
+    assert kept() is None
+    assert subscription.named is named
