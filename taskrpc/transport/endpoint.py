@@ -35,7 +35,7 @@ from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, Trac
 from taskrpc.transport.discovery.registry import this_process
 from taskrpc.transport.limits.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.limits.log_throttling import LimitedLog
-from taskrpc.transport.network import Address, NativeSide, Network, no_server
+from taskrpc.transport.network import Address, NativeSide, Network, no_definition, no_server
 from taskrpc.transport.offer_table import OfferTable
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import (
@@ -274,10 +274,7 @@ class Endpoint(ThreadHandoff):
                     problem = error
             else:
                 if not resolved.definition:
-                    raise TaskRpcError(
-                        f"{name} has the type {resolved.type_name}; its server does not send the"
-                        " definition, so put the .srv file where taskrpc finds it"
-                    )
+                    raise no_definition(name, resolved.type_name, address.type_hash)
                 return resolved.type_name, resolved.definition
         raise problem
 

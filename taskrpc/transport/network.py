@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
-from taskrpc.errors import ServiceUnavailable
+import srvgen
+from taskrpc.errors import ServiceUnavailable, TaskRpcError, TypeMismatch
 from taskrpc.transport.base import (
     Deliver,
     Offer,
@@ -165,3 +166,21 @@ def no_server(network: Network, service: str) -> ServiceUnavailable:
     """Return the error for a service that no known program offers."""
     problem = f": {network.problem}" if network.problem else ""
     return ServiceUnavailable(f"no server offers {service}{problem}")
+
+
+def no_definition(service: str, type_name: str, type_hash: str) -> TaskRpcError:
+    """Return the error for a service whose server does not send its definition.
+
+    `type_hash` is the server's. This machine has no definition, or one with another hash.
+    """
+    try:
+        here = srvgen.type_hash(type_name)
+    except srvgen.DefinitionError:
+        return TaskRpcError(
+            f"{service} has the type {type_name}; its server does not send the definition, so put"
+            " the .srv file where taskrpc finds it"
+        )
+    return TypeMismatch(
+        f"{service} is offered as {type_name} with the hash {type_hash[:15]}…, the definition on"
+        f" this machine has the hash {here[:15]}…; compare the two .srv files"
+    )

@@ -4,8 +4,9 @@ import inspect
 
 import pytest
 
+from taskrpc.errors import TypeMismatch
 from taskrpc.transport.memory import MemoryNetwork
-from taskrpc.transport.network import Address, Network, no_server
+from taskrpc.transport.network import Address, Network, no_definition, no_server
 from taskrpc.transport.tcp.tcp_network import TcpNetwork
 from taskrpc.transport.tunnel.tunnel_network import TunnelNetwork
 
@@ -31,3 +32,14 @@ async def test_the_error_without_a_server_gives_the_reason_if_there_is_one():
     assert str(no_server(network, "/add")) == "no server offers /add"
     network.problem = "the router is gone"
     assert str(no_server(network, "/add")) == "no server offers /add: the router is gone"
+
+
+def test_the_error_without_a_definition_names_both_hashes_if_this_machine_has_another_one():
+    error = no_definition("/add", "example_interfaces/srv/AddTwoInts", "RIHS01_0123456789abcdef")
+    assert isinstance(error, TypeMismatch)
+    assert str(error) == (
+        "/add is offered as example_interfaces/srv/AddTwoInts with the hash RIHS01_01234567…, the"
+        " definition on this machine has the hash RIHS01_e118de6b…; compare the two .srv files"
+    )
+    unknown = no_definition("/add", "no_such/srv/Type", "RIHS01_0123456789abcdef")
+    assert "put the .srv file where taskrpc finds it" in str(unknown)
