@@ -8,11 +8,17 @@ import json
 from collections.abc import AsyncIterator
 from dataclasses import asdict
 
-from taskrpc.cli.doctor import checks, probe
+from taskrpc.cli.doctor import checks, middlewares, probe
 from taskrpc.cli.doctor.checks import Finding, problem
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.parsing import add_ignored
-from taskrpc.cli.shared.remote import Remote, add_secrets, any_place, remote_of
+from taskrpc.cli.shared.remote import (
+    Remote,
+    add_secrets,
+    add_transport,
+    any_place,
+    remote_of,
+)
 from taskrpc.errors import TaskRpcError
 from taskrpc.security.lab import remembered_lab
 from taskrpc.transport.settings import environment_peers
@@ -20,8 +26,9 @@ from taskrpc.transport.settings import environment_peers
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `doctor`."""
-    what = "a server that you cannot reach, on another machine or at unix:/path"
+    what = "a server that you cannot reach, on another machine or at unix:/path; or a Zenoh router"
     parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=_place, help=what)
+    add_transport(parser)
     add_secrets(parser)
     parser.add_argument("--json", action="store_true", help="Print a JSON array of findings")
     # The report always contains what these options of ros2 add.
@@ -58,10 +65,16 @@ async def _report(remote: Remote, *, as_text: bool) -> list[Finding]:
 
 
 async def _findings(remote: Remote) -> AsyncIterator[Finding]:
+    transports = middlewares.transports_of(remote)
     for check in (checks.software, checks.folders, checks.environment):
         for finding in check():
             yield finding
     try:
+        for transport in transports:
+            async for finding in middlewares.examine(remote, transport):
+                yield finding
+        if remote.transport != "tcp":
+            return
         async for finding in checks.programs():
             yield finding
         remote = remote if remote.place else _lab_of(remote)

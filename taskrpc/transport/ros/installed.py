@@ -49,7 +49,7 @@ def real_rclpy() -> Any:
     spec = find_spec("rclpy")
     if spec is None or spec.origin is None:
         raise TaskRpcError(
-            "transport='ros' needs the real rclpy of ROS 2, which this Python cannot import: source"
+            "transport='ros' needs the real rclpy of ROS 2, which this Python cannot import; source"
             " ROS's setup file (source /opt/ros/$ROS_DISTRO/setup.bash), or install it from PyPI"
             " (pip install ros-rclpy ros-rmw-fastrtps-cpp)"
         )

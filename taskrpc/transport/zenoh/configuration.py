@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -16,8 +16,11 @@ from taskrpc.errors import TaskRpcError
 
 DEFAULT_PORT = 7447
 DEFAULT_ROUTER = f"tcp/localhost:{DEFAULT_PORT}"
+FILE_VARIABLE = "ZENOH_SESSION_CONFIG_URI"
 OVERRIDE_VARIABLE = "ZENOH_CONFIG_OVERRIDE"
 _LOCATOR = re.compile(r"[a-z][a-z0-9_-]*/\S+")
+_TEXT = re.compile(r"""["']([^"']+)["']""")
+"""A string inside a JSON5 value."""
 _HOST = re.compile(r"(\[[\w:.%]+\]|[^\s:/\[\]]+)(?::(\d{1,5}))?")
 _OWN = {
     "mode": '"client"',
@@ -40,14 +43,20 @@ class Configuration(msgspec.Struct, frozen=True):
     """Keys with values as JSON5, in the order in which they are set."""
     routers: tuple[str, ...]
     """The routers to connect to, which errors name; empty if the file names them."""
+    routers_from: str = ""
+    """The environment variable that names the routers; "" for an argument or the default."""
 
 
-def configuration_of(peers: Sequence[str], *, file: str = "", override: str = "") -> Configuration:
+def configuration_of(
+    peers: Sequence[str], *, environ: Mapping[str, str] | None = None
+) -> Configuration:
     """Return the configuration of a program; `peers` are addresses of routers.
 
-    `file` and `override` are the values of the environment variables. Raises TaskRpcError for an
-    invalid address or override.
+    Raises TaskRpcError for an invalid address, or an invalid override in the environment.
     """
+    environ = environ or {}
+    file = environ.get("ZENOH_SESSION_CONFIG_URI", "")
+    override = environ.get("ZENOH_CONFIG_OVERRIDE", "")
     file = file.removeprefix("file://")
     routers = tuple(locator(peer) for peer in peers)
     values: list[tuple[str, str]] = []
@@ -56,11 +65,26 @@ def configuration_of(peers: Sequence[str], *, file: str = "", override: str = ""
         values += _OWN.items()
     if routers:
         values.append(("connect/endpoints", json.dumps(routers)))
+    routers_from = FILE_VARIABLE if file and not routers else ""
     overridden = overrides(override)
     for key, value in overridden:
         if key == "connect/endpoints":
-            routers = (value,)
-    return Configuration(file, (*values, *overridden), routers)
+            routers = tuple(filter(_LOCATOR.fullmatch, _TEXT.findall(value))) or (value,)
+            routers_from = OVERRIDE_VARIABLE
+    return Configuration(file, (*values, *overridden), routers, routers_from)
+
+
+def start_command(router: str) -> str:
+    """Return the command that starts a router at an address as a client writes it."""
+    protocol, _, place = router.partition("/")
+    host, _, port = place.rpartition(":")
+    if protocol != "tcp":
+        return f"taskrpc router --listen {router}"
+    if is_loopback(router):
+        is_default = port == str(DEFAULT_PORT)
+        host = "127.0.0.1" if host == "localhost" else host
+        return "taskrpc router" + ("" if is_default else f" --listen {host}:{port}")
+    return f"taskrpc router --listen 0.0.0.0:{port}"
 
 
 def router_configuration(listen: str) -> Configuration:

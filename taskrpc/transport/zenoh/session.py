@@ -10,7 +10,12 @@ import zenoh
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.transport.tunnel.handoff import Handoff
-from taskrpc.transport.zenoh.configuration import OVERRIDE_VARIABLE, Configuration
+from taskrpc.transport.zenoh.configuration import (
+    FILE_VARIABLE,
+    OVERRIDE_VARIABLE,
+    Configuration,
+    start_command,
+)
 
 _T = TypeVar("_T")
 _SOURCE = re.compile(r" at /\S+\.rs:\d+\.?")
@@ -25,13 +30,20 @@ def open_session(configuration: Configuration) -> zenoh.Session:
         return zenoh.open(config)
     except zenoh.ZError as error:
         reason = reason_of(error)
-        if "nable to connect" in reason and configuration.routers:
-            routers = ", ".join(configuration.routers)
-            raise TaskRpcError(
-                f"no Zenoh router answers at {routers}; start one there with `taskrpc router`, or"
-                f" give the address of another router with --connect, peers= or {OVERRIDE_VARIABLE}"
-            ) from None
+        if "nable to connect" in reason:
+            raise TaskRpcError(_no_router(configuration, reason)) from None
         raise TaskRpcError(f"cannot open a Zenoh session: {reason}") from None
+
+
+def _no_router(configuration: Configuration, reason: str) -> str:
+    routers, source = configuration.routers, configuration.routers_from
+    if not routers:
+        file = f"{configuration.file} ({FILE_VARIABLE})"
+        return f"no Zenoh router answers at the addresses in {file}; start one there: {reason}"
+    start = f"start one there with `{start_command(routers[0])}`"
+    elsewhere = "give the address of another router with --connect, peers= or TASKRPC_PEERS"
+    other = f"correct {source}" if source else elsewhere
+    return f"no Zenoh router answers at {', '.join(routers)}; {start}, or {other}"
 
 
 def reason_of(error: BaseException) -> str:

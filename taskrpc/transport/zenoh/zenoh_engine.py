@@ -60,11 +60,7 @@ def open_network(settings: Settings) -> TunnelNetwork:
             "transport='zenoh' takes no certificates with tls=; name a configuration with TLS in"
             " ZENOH_SESSION_CONFIG_URI, and a router such as peers=['tls/robot:7447']"
         )
-    configuration = configuration_of(
-        settings.peers,
-        file=os.environ.get("ZENOH_SESSION_CONFIG_URI", ""),
-        override=os.environ.get("ZENOH_CONFIG_OVERRIDE", ""),
-    )
+    configuration = configuration_of(settings.peers, environ=os.environ)
     return TunnelNetwork(ZenohEngine(settings.domain, configuration), settings)
 
 

@@ -11,6 +11,7 @@ from taskrpc.transport.zenoh.configuration import (
     is_loopback,
     locator,
     router_configuration,
+    start_command,
 )
 
 
@@ -29,10 +30,47 @@ def test_peers_are_the_routers():
 
 
 def test_a_file_replaces_the_defaults_and_the_overrides_come_last():
-    override = 'mode="peer"; connect/endpoints=["tcp/a:1"]'
-    found = configuration_of([], file="/etc/zenoh.json5", override=override)
+    environ = {
+        "ZENOH_SESSION_CONFIG_URI": "file:///etc/zenoh.json5",
+        "ZENOH_CONFIG_OVERRIDE": 'mode="peer"; connect/endpoints=["tcp/a:1"]',
+    }
+    found = configuration_of([], environ=environ)
     assert found.file == "/etc/zenoh.json5"
     assert found.values == (("mode", '"peer"'), ("connect/endpoints", '["tcp/a:1"]'))
+
+
+@pytest.mark.parametrize(
+    ("value", "routers"),
+    [
+        ('["tcp/a:1", "tls/[::1]:2"]', ("tcp/a:1", "tls/[::1]:2")),
+        ("['tcp/a:1']", ("tcp/a:1",)),
+        ('{"client": ["tcp/a:1"]}', ("tcp/a:1",)),
+        ("7", ("7",)),
+    ],
+)
+def test_errors_name_the_routers_of_an_override_as_addresses(value, routers):
+    override = {"ZENOH_CONFIG_OVERRIDE": f"connect/endpoints={value}"}
+    found = configuration_of(["robot"], environ=override)
+    assert (found.routers, found.routers_from) == (routers, "ZENOH_CONFIG_OVERRIDE")
+
+
+def test_errors_name_the_file_that_names_the_routers():
+    found = configuration_of([], environ={"ZENOH_SESSION_CONFIG_URI": "/z.json5"})
+    assert (found.routers, found.routers_from) == ((), "ZENOH_SESSION_CONFIG_URI")
+
+
+@pytest.mark.parametrize(
+    ("router", "command"),
+    [
+        ("tcp/localhost:7447", "taskrpc router"),
+        ("tcp/127.0.0.1:7000", "taskrpc router --listen 127.0.0.1:7000"),
+        ("tcp/localhost:7000", "taskrpc router --listen 127.0.0.1:7000"),
+        ("tcp/robot:7447", "taskrpc router --listen 0.0.0.0:7447"),
+        ("tls/robot:7447", "taskrpc router --listen tls/robot:7447"),
+    ],
+)
+def test_the_command_that_starts_a_missing_router(router, command):
+    assert start_command(router) == command
 
 
 @pytest.mark.parametrize("text", ["mode", "=1", "mode=", 'mode="client";x'])

@@ -18,9 +18,33 @@ def test_a_missing_router_is_named_with_what_to_do():
     with pytest.raises(TaskRpcError) as caught:
         open_session(configuration_of(["127.0.0.1:9"]))
     assert str(caught.value) == (
-        "no Zenoh router answers at tcp/127.0.0.1:9; start one there with `taskrpc router`, or"
-        " give the address of another router with --connect, peers= or ZENOH_CONFIG_OVERRIDE"
+        "no Zenoh router answers at tcp/127.0.0.1:9; start one there with `taskrpc router --listen"
+        " 127.0.0.1:9`, or give the address of another router with --connect, peers= or"
+        " TASKRPC_PEERS"
     )
+
+
+@pytest.mark.real_time
+def test_a_missing_router_of_the_environment_is_named_with_the_variable():
+    override = {"ZENOH_CONFIG_OVERRIDE": 'connect/endpoints=["tcp/127.0.0.1:9"]'}
+    with pytest.raises(TaskRpcError) as caught:
+        open_session(configuration_of([], environ=override))
+    assert str(caught.value) == (
+        "no Zenoh router answers at tcp/127.0.0.1:9; start one there with `taskrpc router --listen"
+        " 127.0.0.1:9`, or correct ZENOH_CONFIG_OVERRIDE"
+    )
+
+
+@pytest.mark.real_time
+def test_a_missing_router_of_a_file_is_named_with_the_file(tmp_path):
+    file = tmp_path / "zenoh.json5"
+    file.write_text("{mode: 'client', connect: {endpoints: ['tcp/127.0.0.1:9']}}")
+    with pytest.raises(TaskRpcError) as caught:
+        open_session(configuration_of([], environ={"ZENOH_SESSION_CONFIG_URI": str(file)}))
+    assert str(caught.value).startswith(
+        f"no Zenoh router answers at the addresses in {file} (ZENOH_SESSION_CONFIG_URI); start one"
+    )
+    assert "tcp/127.0.0.1:9" in str(caught.value)
 
 
 @pytest.mark.real_time
