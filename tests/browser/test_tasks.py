@@ -7,6 +7,8 @@ import math
 
 import pytest
 
+from tests.browser.chromium import PHONE
+
 SLOW = ("--speed", "0.05")
 """The robot works so slowly that no task ends during a test."""
 
@@ -99,6 +101,29 @@ def test_reason_of_a_later_estimate_stands_beside_the_task(page, services):
     )
     assert "task 5" in reason[0]
     assert reason[0].startswith("+")
+
+
+_COVERED = """
+const row = document.querySelector("#queue .row:has(.reason.shown)");
+const boxes = [...row.children].filter(e => e.checkVisibility())
+    .map(e => e.getBoundingClientRect());
+const covers = (a, b) =>
+    Math.min(a.right, b.right) - Math.max(a.left, b.left) > 1
+    && Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top) > row.clientHeight / 8;
+return boxes.some((a, i) => boxes.slice(i + 1).some(b => covers(a, b)))
+    || row.scrollHeight > row.clientHeight + 1;
+"""
+
+
+@pytest.mark.parametrize("look", [{}, {"query": "?projector"}, {"size": PHONE}])
+def test_reason_covers_no_other_text_of_its_row(start_server, services, open_page, look):
+    page = open_page(start_server(*SLOW), control=True, **look)
+    for target in ("warehouse", "1.2345678901234567,2.3456789012345678"):
+        services.submit("move", target)
+    page.agrees(services, until=lambda shown: shown.running is not None)
+    services.submit("move", "dock", 10)
+    page.tab.wait(lambda: page.tab.all("#queue .reason.shown"), "a reason")
+    assert not page.tab.run(_COVERED)
 
 
 def test_stop_button_halts_the_robot_and_pauses_the_queue(page, services):

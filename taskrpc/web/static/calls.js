@@ -1,8 +1,8 @@
 // Draws the calls live: lanes of clients, server, queue and robot; new calls appear at the right.
 
-import { byId, calm, drawn, element, setAttribute, setStyle, setText } from "./dom.js";
+import { DRAWING, byId, calm, drawn, element, setAttribute, setStyle, setText, showEach } from "./dom.js";
 import { Lanes } from "./lanes.js";
-import { callText, meaning, milliseconds, plural, shortName, taskText } from "./words.js";
+import { callText, endOf, meaning, milliseconds, plural, shortName, taskText } from "./words.js";
 
 const WINDOW = 10; // seconds that the track shows
 const REBASE = 10; // seconds until the drawing gets a new origin
@@ -17,7 +17,9 @@ const NEAR = 8; // pixels around a call that still count as the call
 const isNotable = (call) => call.state !== "ok" || call.attempt > 1 || call.repeated;
 
 /** Return the newest result of a lane, short enough for its end: the code is beside the call. */
-const resultText = (call, now) => (call.state === "error" ? `✕ ${milliseconds(call.ms)}` : call.attempt > 1 ? `retry ${call.attempt - 1}` : callText(call, now));
+const resultText = (call, now) => (call.state === "error" ? `✕ ${milliseconds(call.ms)}` : retryText(call) || callText(call, now));
+
+const retryText = (call) => (call.attempt > 1 ? `retry ${call.attempt - 1}` : "");
 
 const tone = (call) => (call.state === "error" ? "bad" : call.state === "open" ? "warn" : call.repeated ? "violet" : "good");
 
@@ -25,11 +27,11 @@ export class CallsView {
   constructor(model) {
     this.model = model;
     this.root = byId("calls");
-    this.empty = element("div", { class: "empty", id: "calls_empty" }, "No call in the last seconds.", element("span", {}, "Each call appears here: from its client to the server, the queue and the robot."));
+    this.empty = element("div.empty#calls_empty", "No call in the last seconds.", element("span", "Each call appears here: from its client to the server, the queue and the robot."));
     this.lanes = new Lanes(this.root, "Calls of the last ten seconds; the tab List shows them as a table");
     this.bars = drawn("g");
     this.work = drawn("g");
-    this.moving = drawn("svg", { class: "moving", "aria-hidden": "true" }, this.bars, this.work);
+    this.moving = drawn("svg.moving", DRAWING, this.bars, this.work);
     this.motion = null; // the animation that moves the drawing
     this.lanes.track.append(this.moving, this.empty);
     this.tooltip = byId("tooltip");
@@ -70,7 +72,7 @@ export class CallsView {
     this.labels = new Map(); // client -> x of the end of its newest label
     this.revision = this.lanes.revision;
     this.drawTasks();
-    this.add([...this.model.calls.values()].filter((call) => call.begin + (call.ms ?? 1e6) / 1000 > this.origin));
+    this.add([...this.model.calls.values()].filter((call) => endOf(call) > this.origin));
   }
 
   update(changed) {
@@ -114,9 +116,8 @@ export class CallsView {
       marks.submission.push(`M${x.toFixed(1)} ${y}V${this.lanes.queue}`);
       marks.queued.push(`M${x.toFixed(1)} ${this.lanes.queue}h0`); // the round end of a line is a dot
     }
-    const end = calls.length ? Math.max(...calls.map((call) => call.begin + (call.ms ?? 0) / 1000)) : 0;
-    const batch = drawn("g", { "data-end": end });
-    for (const [name, parts] of Object.entries(marks)) if (parts.length) batch.append(drawn("path", { class: name, d: parts.join("") }));
+    const batch = drawn("g", { "data-end": Math.max(...calls.map(endOf).filter(Number.isFinite)) });
+    for (const [name, parts] of Object.entries(marks)) if (parts.length) batch.append(drawn(`path.${name}`, { d: parts.join("") }));
     if (batch.children.length) this.bars.append(batch);
     this.showEmpty();
   }
@@ -127,18 +128,18 @@ export class CallsView {
   }
 
   isSubmission(call) {
-    return call.task_id != null && call.state === "ok" && !call.repeated && call.service === this.model.hello?.server.service;
+    return call.task_id != null && call.state === "ok" && !call.repeated && call.service === this.model.service;
   }
 
   addNotable(call, x, y, length) {
     const thick = this.lanes.rem * 0.625;
-    const mark = drawn("g", { class: "notable", "data-tone": tone(call), "data-call": call.id, "data-end": call.ms == null ? Infinity : call.begin + call.ms / 1000 });
-    mark.append(drawn("path", { class: "link", d: `M${x} ${y}V${this.lanes.server}` }), drawn("rect", { x, y: y - thick / 2, width: length, height: thick, rx: 2 }));
+    const mark = drawn("g.notable", { "data-tone": tone(call), "data-call": call.id, "data-end": endOf(call) },
+      drawn("path.link", { d: `M${x} ${y}V${this.lanes.server}` }), drawn("rect", { x, y: y - thick / 2, width: length, height: thick, rx: 2 }));
     if (call.deadline_ms != null && (call.state === "open" || call.code === "DEADLINE_EXCEEDED")) {
       const limit = x + (call.deadline_ms / 1000) * this.pixels;
-      mark.append(drawn("path", { class: "deadline", d: `M${limit} ${y - thick / 2}v${1.5 * thick}` }));
+      mark.append(drawn("path.deadline", { d: `M${limit} ${y - thick / 2}v${1.5 * thick}` }));
     }
-    const label = call.state === "error" ? `✕ ${call.code}` : call.attempt > 1 ? `retry ${call.attempt - 1}${call.repeated ? ", stored response" : ""}` : call.repeated ? "stored response" : "";
+    const label = call.state === "error" ? `✕ ${call.code}` : [retryText(call), call.repeated && "stored response"].filter(Boolean).join(", ");
     if (label && this.hasRoom(call, x, label)) mark.append(drawn("text", { x, y: y - thick / 2 - 3 }, label));
     if (call.state === "open") this.open.set(call.id, mark);
     this.bars.append(mark);
@@ -163,8 +164,8 @@ export class CallsView {
       const width = task.ended ? Math.max(this.bar, this.x(task.ended) - x) : this.lanes.width * 3;
       const room = Math.floor(width / (this.lanes.rem * 0.45));
       const text = `task ${task.task_id} ${taskText(task)}`;
-      return drawn("g", { class: "work", "data-state": task.state },
-        drawn("path", { class: "begins", d: `M${x} ${this.lanes.queue}V${this.lanes.robot}` }),
+      return drawn("g.work", { "data-state": task.state },
+        drawn("path.begins", { d: `M${x} ${this.lanes.queue}V${this.lanes.robot}` }),
         drawn("rect", { x, y: this.lanes.robot - thick / 2, width, height: thick, rx: 3 }),
         drawn("text", { x: x + 6, y: this.lanes.robot, "dominant-baseline": "central" }, text.length <= room ? text : room > 3 ? String(task.task_id) : ""));
     });
@@ -177,12 +178,13 @@ export class CallsView {
     const { tasks, stats, skipped } = this.model;
     this.lanes.clients.forEach(({ name }, i) => {
       const call = this.latest.get(name);
-      this.lanes.last(i, call ? `${shortName(call.service, this.model.hello?.server.service)}\t${resultText(call, now)}` : "", call ? tone(call) : null);
+      if (call) this.lanes.last(i, shortName(call.service, this.model.service), resultText(call, now), tone(call));
     });
-    if (this.lanes.others.size) this.lanes.last(this.lanes.clients.length, skipped ? `${plural(skipped, "call")} not drawn` : "", null);
-    this.lanes.last(-3, stats.total ? `${plural(stats.total, "call")} in all` : "", null);
-    this.lanes.last(-2, tasks ? `${tasks.queued} queued` : "", null);
-    this.lanes.last(-1, tasks?.running ? `task ${tasks.running.task_id}\t${taskText(tasks.running)}` : "idle", null);
+    if (this.lanes.others.size) this.lanes.last(this.lanes.clients.length, skipped ? `${plural(skipped, "call")} not drawn` : "");
+    this.lanes.last(-3, stats.total ? `${plural(stats.total, "call")} in all` : "");
+    this.lanes.last(-2, tasks ? `${tasks.queued} queued` : "");
+    if (tasks?.running) this.lanes.last(-1, `task ${tasks.running.task_id}`, taskText(tasks.running));
+    else this.lanes.last(-1, "idle");
   }
 
   tick() {
@@ -230,17 +232,18 @@ export class CallsView {
     let nearest = NEAR / this.pixels;
     for (const call of this.model.calls.values()) {
       if (Math.abs(this.lanes.y(call.client) - y) > this.lanes.lane / 2) continue;
-      const end = call.ms == null ? Infinity : call.begin + call.ms / 1000;
-      const distance = t < call.begin ? call.begin - t : t > end ? t - end : 0;
+      const distance = Math.max(call.begin - t, t - endOf(call), 0);
       if (distance <= nearest) [found, nearest] = [call, distance];
     }
     this.tooltip.hidden = !found;
     if (!found) return;
-    const lines = [`${found.client} → ${found.service}`, `${found.state === "ok" ? "ok, " : ""}${callText(found, this.model.now())}`, meaning(found.code), found.deadline_ms == null ? "no deadline" : `deadline ${milliseconds(found.deadline_ms)}`, found.task_id == null ? "" : `task ${found.task_id}`];
+    const lines = [`${found.client} → ${found.service}`, `${found.state === "ok" ? "ok, " : ""}${callText(found, this.model.now())}`, meaning(found.code), found.deadline_ms == null ? "no deadline" : `deadline ${milliseconds(found.deadline_ms)}`, found.task_id != null && `task ${found.task_id}`];
     setText(this.tooltip, lines.filter(Boolean).join("\n"));
     this.tooltip.style.transform = `translate(${Math.min(event.clientX, innerWidth - 280)}px, ${event.clientY - 16}px) translateY(-100%)`;
   }
 }
+
+const COLUMNS = ["time", "client", "service", "result", "latency", "deadline", "attempt", "task"];
 
 /** The same calls as a table, newest first; it does not change while the user has scrolled down. */
 export class CallList {
@@ -248,10 +251,9 @@ export class CallList {
     this.model = model;
     this.root = byId("list");
     this.body = element("tbody");
-    const head = ["time", "client", "service", "result", "latency", "deadline", "attempt", "task"];
-    this.table = element("table", { id: "call_table" }, element("caption", { class: "visually_hidden" }, "Newest calls"), element("thead", {}, element("tr", {}, ...head.map((name) => element("th", { scope: "col" }, name)))), this.body);
-    this.note = element("p", { class: "held", hidden: true }, "New calls are not added while you read. Scroll to the top to see them.");
-    this.empty = element("p", { class: "empty" }, "No call yet.");
+    this.table = element("table#call_table", element("caption.visually_hidden", "Newest calls"), element("thead", element("tr", ...COLUMNS.map((name) => element("th", { scope: "col" }, name)))), this.body);
+    this.note = element("p.held", { hidden: true }, "New calls are not added while you read. Scroll to the top to see them.");
+    this.empty = element("p.empty", "No call yet.");
     this.root.append(this.note, this.table, this.empty);
   }
 
@@ -263,9 +265,7 @@ export class CallList {
     this.table.hidden = calls.length === 0;
     if (!this.note.hidden) return;
     const newest = calls.slice(-60).reverse();
-    while (this.body.children.length > newest.length) this.body.lastChild.remove();
-    while (this.body.children.length < newest.length) this.body.append(element("tr", {}, ...Array.from({ length: 8 }, () => element("td"))));
-    newest.forEach((call, i) => this.show(this.body.children[i], call));
+    showEach(this.body, newest, () => element("tr", ...COLUMNS.map(() => element("td"))), (row, call) => this.show(row, call));
   }
 
   show(row, call) {
@@ -273,7 +273,7 @@ export class CallList {
     setAttribute(row, "data-tone", tone(call));
     const state = call.state === "ok" ? "✓ ok" : call.state === "open" ? "○ open" : `✕ ${call.code}`;
     const time = new Date(call.begin * 1000).toTimeString().slice(0, 8) + (call.begin % 1).toFixed(3).slice(1);
-    const texts = [time, call.client, call.service, state, milliseconds(call.ms), milliseconds(call.deadline_ms), call.repeated ? `${call.attempt}, stored response` : String(call.attempt), call.task_id == null ? "" : String(call.task_id)];
+    const texts = [time, call.client, call.service, state, milliseconds(call.ms), milliseconds(call.deadline_ms), `${call.attempt}${call.repeated ? ", stored response" : ""}`, `${call.task_id ?? ""}`];
     texts.forEach((text, i) => setText(row.children[i], text));
   }
 }

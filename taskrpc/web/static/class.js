@@ -1,29 +1,24 @@
 // Shows the whole class: each student with a connection, a number of calls and when it was last seen.
 
-import { byId, element, icon, setAttribute, setIcon, setText } from "./dom.js";
+import { byId, element, icon, setAttribute, setIcon, setText, showEach } from "./dom.js";
 import { duration, plural } from "./words.js";
 
 export class ClassView {
   constructor(model) {
     this.model = model;
-    this.root = byId("class");
-    this.tab = byId("tab_class");
-    this.list = element("ul", { class: "students", id: "students" });
-    this.text = element("p", { class: "quiet" });
-    this.root.append(this.text, this.list);
+    this.list = element("ul.students#students");
+    this.text = element("p.quiet");
+    byId("class").append(this.text, this.list);
   }
 
   update(changed) {
     if (!changed.has("class")) return;
-    const { students } = this.model;
-    this.tab.hidden = !students;
-    if (!students) return;
-    const connected = students.students.filter((student) => student.connected).length;
-    setText(this.text, `${connected} of ${plural(students.students.length, "student")} connected${students.more ? `; ${students.more} more are not shown` : ""}`);
-    while (this.list.children.length > students.students.length) this.list.lastChild.remove();
-    while (this.list.children.length < students.students.length)
-      this.list.append(element("li", {}, icon("QUEUED"), element("span", { class: "student_name" }), element("span", { class: "quiet" })));
-    students.students.forEach((student, i) => this.show(this.list.children[i], student));
+    byId("tab_class").hidden = !this.model.students;
+    if (!this.model.students) return;
+    const { students, more } = this.model.students;
+    const connected = students.filter((student) => student.connected).length;
+    setText(this.text, `${connected} of ${plural(students.length, "student")} connected${more ? `; ${more} more are not shown` : ""}`);
+    showEach(this.list, students, () => element("li", icon("QUEUED"), element("strong"), element("span.quiet")), (node, student) => this.show(node, student));
   }
 
   show(node, student) {

@@ -19,22 +19,25 @@ export function takeToken() {
 /** Return the headers that show the token to the server. */
 export const authorization = (token) => (token ? { Authorization: `Bearer ${token}` } : {});
 
-/** Yields the events of a stream of server-sent events as `[name, data]`. */
-async function* events(body, heard) {
+/** Yields the parts of a response that end with a separator; `heard()` is called for each piece that arrives. */
+export async function* partsOf(body, separator, heard = () => {}) {
   const reader = body.pipeThrough(new TextDecoderStream()).getReader();
   let text = "";
   for (;;) {
     const { value, done } = await reader.read();
     if (done) return;
     heard();
-    const blocks = (text + value).split("\n\n");
-    text = blocks.pop();
-    for (const block of blocks) {
-      const lines = block.split("\n");
-      const name = lines.find((line) => line.startsWith("event: "))?.slice(7);
-      const data = lines.filter((line) => line.startsWith("data: ")).map((line) => line.slice(6)).join("\n");
-      if (name && data) yield [name, JSON.parse(data)];
-    }
+    const parts = (text + value).split(separator);
+    text = parts.pop();
+    yield* parts;
+  }
+}
+
+/** Yields the events of a stream of server-sent events as `[name, data]`. */
+async function* events(body, heard) {
+  for await (const block of partsOf(body, "\n\n", heard)) {
+    const [, name, data] = /^event: (.*)\ndata: (.*)$/.exec(block) ?? [];
+    if (name) yield [name, JSON.parse(data)];
   }
 }
 

@@ -1,7 +1,7 @@
 // The buttons: each one calls a public service of the task server through POST /control/VERB.
 
 import { authorization } from "./connection.js";
-import { byId, element, icon, setAttribute, setText } from "./dom.js";
+import { byId, element, icon, root, setAttribute, setIcon, setText } from "./dom.js";
 import { duration, refusal } from "./words.js";
 
 const SHOWN = 8000; // milliseconds that a response stays
@@ -19,23 +19,19 @@ export class Controls {
     this.form = byId("submit_form");
     this.text = byId("control_text");
     this.pause = byId("pause");
-    this.stop = byId("stop");
-    this.pauseIcon = icon("PAUSED");
-    this.pauseText = element("span");
-    this.pause.append(this.pauseIcon, this.pauseText);
-    this.stop.append(icon("STOP"), element("span", {}, "Stop"));
-    this.stop.title = "Halt the robot, cancel the running task and pause the queue";
-    this.form.addEventListener("submit", (event) => {
+    this.pause.append(icon("PAUSED"), element("span"));
+    this.pause.onclick = () => this.togglePause();
+    byId("stop").append(icon("STOP"), "Stop");
+    byId("stop").onclick = () => this.act("stop");
+    this.form.onsubmit = (event) => {
       event.preventDefault();
-      this.submit();
-    });
-    this.pause.addEventListener("click", () => this.togglePause());
-    this.stop.addEventListener("click", () => this.act("stop"));
+      const [task_type, target, priority] = ["type", "target", "priority"].map((name) => byId(`submit_${name}`).value);
+      this.act("submit", { task_type, target, priority: Number(priority) });
+    };
   }
 
-  submit() {
-    const request = { task_type: byId("submit_type").value, target: byId("submit_target").value, priority: Number(byId("submit_priority").value) };
-    return this.act("submit", request);
+  get places() {
+    return Object.entries(this.model.hello?.map?.places ?? {});
   }
 
   togglePause() {
@@ -45,8 +41,7 @@ export class Controls {
   /** Take a point of the map as the target of the next task. */
   chooseTarget(x, y) {
     if (!this.model.canControl) return;
-    const places = Object.entries(this.model.hello.map?.places ?? {});
-    const near = places.find(([, point]) => Math.hypot(point[0] - x, point[1] - y) < 0.35);
+    const near = this.places.find(([, point]) => Math.hypot(point[0] - x, point[1] - y) < 0.35);
     byId("submit_target").value = near ? near[0] : `${x.toFixed(1)},${y.toFixed(1)}`;
     byId("submit").focus();
   }
@@ -55,7 +50,6 @@ export class Controls {
   async act(verb, request = {}) {
     if (!this.model.hello?.control) return this.say("This page is read-only. To control the robot, open it with: taskrpc view", "warn");
     if (!this.model.canControl) return this.say("The connection is lost: nothing was sent.", "bad");
-    document.documentElement.toggleAttribute("data-busy", true);
     try {
       const response = await fetch(`/control/${verb}`, { method: "POST", headers: { "Content-Type": "application/json", ...authorization(this.token) }, body: JSON.stringify(request) });
       const body = await response.json().catch(() => ({}));
@@ -63,8 +57,6 @@ export class Controls {
       else this.say(said(verb, body), body.success ? "good" : "bad");
     } catch {
       this.say("The server does not respond. It is unknown whether it executed the request.", "bad");
-    } finally {
-      document.documentElement.toggleAttribute("data-busy", false);
     }
   }
 
@@ -76,18 +68,14 @@ export class Controls {
   }
 
   update(changed) {
-    if (changed.has("hello") && this.model.hello) {
-      const places = Object.keys(this.model.hello.map?.places ?? {});
-      byId("places").replaceChildren(...places.map((name) => element("option", { value: name })));
-    }
+    if (changed.has("hello")) byId("places").replaceChildren(...this.places.map(([value]) => element("option", { value })));
     const { hello, canControl } = this.model;
     this.form.hidden = !hello?.control;
     byId("read_only").hidden = !hello || hello.control || Boolean(hello.recording);
-    setAttribute(document.documentElement, "data-control", hello?.control ? "" : null);
+    setAttribute(root, "data-control", hello?.control ? "" : null);
     for (const node of this.form.elements) node.disabled = !canControl;
     const paused = Boolean(this.model.tasks?.paused);
-    setText(this.pauseText, paused ? "Resume" : "Pause");
-    this.pauseIcon.firstChild.setAttribute("href", paused ? "#icon_RUNNING" : "#icon_PAUSED");
-    setAttribute(this.pause, "data-paused", paused);
+    setText(this.pause.lastChild, paused ? "Resume" : "Pause");
+    setIcon(this.pause.firstChild, paused ? "RUNNING" : "PAUSED");
   }
 }

@@ -1,6 +1,6 @@
 // Draws the programs and the services between them: callers left, services in the middle, servers right.
 
-import { byId, drawn, element } from "./dom.js";
+import { DRAWING, byId, drawn, element, setText } from "./dom.js";
 import { plural } from "./words.js";
 
 const CHIPS = 24; // most names that a group of callers shows
@@ -19,17 +19,18 @@ function groupsOf(nodes) {
   return [...groups.values()].sort((a, b) => b.nodes.length - a.nodes.length);
 }
 
+const isTopic = (name) => name.startsWith("t ");
 const offersOf = (node) => [...node.services.map((name) => `s ${name}`), ...node.publishers.map((name) => `t ${name}`)];
 
 export class GraphView {
   constructor(model) {
     this.model = model;
     this.root = byId("nodes");
-    this.edges = drawn("svg", { class: "edges", "aria-hidden": "true" });
-    this.columns = ["Callers", "Services and topics", "Servers"].map((title) => element("div", { class: "graph_column" }, element("h3", {}, title)));
-    this.more = element("p", { class: "more" });
-    this.empty = element("p", { class: "empty" }, "No program yet. Start one that calls a service: taskrpc-call /robot_task task_type=scan target=central priority=5");
-    this.graph = element("div", { class: "graph", id: "graph" }, this.edges, ...this.columns);
+    this.edges = drawn("svg.edges", DRAWING);
+    this.columns = ["Callers", "Services and topics", "Servers"].map((title) => element("div.graph_column", element("h3", title)));
+    this.more = element("p.more");
+    this.empty = element("p.empty", "No program yet. Start one that calls a service: taskrpc-call /robot_task task_type=scan target=central priority=5");
+    this.graph = element("div.graph#graph", this.edges, ...this.columns);
     this.root.append(this.graph, this.more, this.empty);
     new ResizeObserver(() => this.link()).observe(this.root);
   }
@@ -45,62 +46,53 @@ export class GraphView {
     const nodes = graph?.nodes ?? [];
     this.graph.hidden = nodes.length === 0;
     this.empty.hidden = nodes.length > 0;
-    this.more.textContent = graph?.more ? `and ${plural(graph.more, "more program")}` : "";
+    setText(this.more, graph?.more ? `and ${plural(graph.more, "more program")}` : "");
     const groups = groupsOf(nodes);
-    const servers = nodes.filter((node) => node.services.length || node.publishers.length);
+    const servers = nodes.map((node) => ({ node, offers: offersOf(node) })).filter(({ offers }) => offers.length);
     const used = new Set(groups.flatMap((group) => group.uses));
-    const offered = servers.flatMap(offersOf);
+    const offered = servers.flatMap(({ offers }) => offers);
     const names = [...new Set([...offered.filter((name) => used.has(name)), ...used, ...offered])];
-    const middle = names.slice(0, Math.max(SERVICES, used.size > 2 * SERVICES ? SERVICES : used.size));
-    this.boxes = { callers: groups.map((group) => this.callers(group)), middle: middle.map((name) => this.middle(name)), servers: servers.map((node) => this.server(node)) };
-    this.uses = groups.map((group) => group.uses);
-    this.offers = servers.map(offersOf);
-    this.names = middle;
-    const rest = names.length - middle.length;
-    const lists = [this.boxes.callers, [...this.boxes.middle, rest > 0 ? element("p", { class: "more" }, `and ${rest} more`) : null], this.boxes.servers];
-    lists.forEach((list, i) => this.columns[i].replaceChildren(this.columns[i].firstChild, ...list.filter(Boolean)));
+    const shown = names.slice(0, used.size > 2 * SERVICES ? SERVICES : Math.max(SERVICES, used.size));
+    const middle = new Map(shown.map((name) => [name, this.middle(name)]));
+    this.links = []; // the ends of each line: {from, to, name}
+    const callers = groups.map(({ nodes, uses }) => this.callers(nodes, uses));
+    const offering = servers.map(({ node }) => this.server(node));
+    groups.forEach(({ uses }, i) => uses.forEach((name) => this.links.push({ from: callers[i], to: middle.get(name), name })));
+    servers.forEach(({ offers }, i) => offers.forEach((name) => this.links.push({ from: middle.get(name), to: offering[i], name })));
+    const rest = names.length - shown.length;
+    const lists = [callers, [...middle.values(), rest ? element("p.more", `and ${rest} more`) : ""], offering];
+    lists.forEach((list, i) => this.columns[i].replaceChildren(this.columns[i].firstChild, ...list));
     this.link();
   }
 
-  callers({ nodes, uses }) {
-    const names = nodes.slice(0, CHIPS).map((node) => element("span", { class: "chip", title: `${node.program}${node.host ? ` on ${node.host}` : ""}` }, node.name));
-    if (nodes.length > CHIPS) names.push(element("span", { class: "chip quiet" }, `and ${nodes.length - CHIPS} more`));
-    return element("div", { class: "graph_box callers", "data-uses": uses.length }, ...names);
+  callers(nodes, uses) {
+    const names = nodes.slice(0, CHIPS).map((node) => element("span.chip", { title: node.program + (node.host && ` on ${node.host}`) }, node.name));
+    const rest = nodes.length - names.length;
+    return element("div.graph_box.callers", { "data-uses": uses.length }, ...names, rest ? element("span.chip.quiet", `and ${rest} more`) : null);
   }
 
   middle(name) {
-    const isTopic = name.startsWith("t ");
-    return element("div", { class: `graph_box ${isTopic ? "topic" : "service"}`, title: isTopic ? "topic" : "service" }, name.slice(2), isTopic ? element("span", { class: "quiet" }, " topic") : null);
+    const kind = isTopic(name) ? "topic" : "service";
+    return element(`div.graph_box.${kind}`, { title: kind }, name.slice(2), isTopic(name) ? element("span.quiet", " topic") : null);
   }
 
   server(node) {
-    const facts = [node.program, node.host, node.services.length ? plural(node.services.length, "service") : "", node.publishers.length ? plural(node.publishers.length, "topic") : ""];
-    return element("div", { class: "graph_box server" }, element("strong", {}, node.name), element("span", { class: "quiet" }, facts.filter(Boolean).join(" · ")));
+    const { services, publishers } = node;
+    const facts = [node.program, node.host, services.length && plural(services.length, "service"), publishers.length && plural(publishers.length, "topic")];
+    return element("div.graph_box.server", element("strong", node.name), element("span.quiet", facts.filter(Boolean).join(" · ")));
   }
 
   /** Draw the lines; this reads the layout, so it runs only after a change. */
   link() {
-    if (!this.boxes || this.root.hidden || !this.root.clientWidth) return;
+    if (!this.links || this.root.hidden || !this.root.clientWidth) return;
     const frame = this.graph.getBoundingClientRect();
-    const place = (box) => box.getBoundingClientRect();
-    const middle = this.boxes.middle.map(place);
-    const lines = [];
-    const line = (fromX, fromY, toX, toY, isTopic) => {
-      const bend = (toX - fromX) / 2;
-      const [x1, y1, x2, y2] = [fromX - frame.left, fromY - frame.top, toX - frame.left, toY - frame.top].map(Math.round);
-      lines.push(drawn("path", { class: isTopic ? "edge topic" : "edge", d: `M${x1} ${y1}C${x1 + bend} ${y1} ${x2 - bend} ${y2} ${x2} ${y2}` }));
-    };
-    const connect = (boxes, names, isCaller) =>
-      boxes.map(place).forEach((box, i) => {
-        for (const name of names[i]) {
-          const at = middle[this.names.indexOf(name)];
-          if (!at) continue;
-          if (isCaller) line(box.right, box.top + box.height / 2, at.left, at.top + at.height / 2, name.startsWith("t "));
-          else line(at.right, at.top + at.height / 2, box.left, box.top + box.height / 2, name.startsWith("t "));
-        }
-      });
-    connect(this.boxes.callers, this.uses, true);
-    connect(this.boxes.servers, this.offers, false);
+    const boxes = new Map([...this.graph.querySelectorAll(".graph_box")].map((node) => [node, node.getBoundingClientRect()]));
+    const lines = this.links.filter(({ from, to }) => from && to).map(({ from, to, name }) => {
+      const [a, b] = [boxes.get(from), boxes.get(to)];
+      const [x1, y1, x2, y2] = [a.right - frame.left, a.top + a.height / 2 - frame.top, b.left - frame.left, b.top + b.height / 2 - frame.top].map(Math.round);
+      const bend = (x2 - x1) / 2;
+      return drawn(`path.edge${isTopic(name) ? ".topic" : ""}`, { d: `M${x1} ${y1}C${x1 + bend} ${y1} ${x2 - bend} ${y2} ${x2} ${y2}` });
+    });
     this.edges.replaceChildren(...lines);
   }
 }

@@ -1,18 +1,15 @@
 // The keys of the page, the dialog that lists them, and the tabs.
 
-import { byId, element } from "./dom.js";
+import { byId, dialogHead, element } from "./dom.js";
 
 const STORED = "taskrpc_keys"; // "off": the keys do nothing
 
 /** Let arrow keys move between the tabs of a list of tabs, and show the panel of the chosen one. */
 export class Tabs {
   constructor(list, shown) {
-    this.tabs = [...list.querySelectorAll("[role=tab]")];
+    this.tabs = [...list.children];
     this.shown = shown;
-    list.addEventListener("click", (event) => {
-      const tab = event.target.closest("[role=tab]");
-      if (tab) this.choose(tab);
-    });
+    for (const tab of this.tabs) tab.onclick = () => this.choose(tab);
     list.addEventListener("keydown", (event) => {
       const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
       if (!by) return;
@@ -25,7 +22,7 @@ export class Tabs {
   choose(chosen, focus = false) {
     if (!chosen || chosen.hidden) return;
     for (const tab of this.tabs) {
-      tab.setAttribute("aria-selected", String(tab === chosen));
+      tab.ariaSelected = tab === chosen;
       tab.tabIndex = tab === chosen ? 0 : -1;
       byId(tab.getAttribute("aria-controls")).hidden = tab !== chosen;
     }
@@ -41,23 +38,21 @@ export class Keyboard {
     this.dialog = byId("help_dialog");
     this.isOn = localStorage.getItem(STORED) !== "off";
     this.fill();
-    byId("help").addEventListener("click", () => this.dialog.showModal());
-    this.dialog.addEventListener("click", (event) => event.target === this.dialog && this.dialog.close());
+    byId("help").onclick = () => this.dialog.showModal();
     document.addEventListener("keydown", (event) => this.pressed(event));
   }
 
   fill() {
-    const rows = this.actions.map(({ keys, text }) => element("div", {}, element("dt", {}, ...keys.map((key) => element("kbd", {}, { " ": "Space", ArrowDown: "↓", ArrowUp: "↑" }[key] ?? key))), element("dd", {}, text)));
-    const box = element("input", { type: "checkbox", id: "keys_on" });
-    box.checked = this.isOn;
-    box.addEventListener("change", () => {
+    const rows = this.actions.map(({ keys, text }) => element("div", element("dt", ...keys.map((key) => element("kbd", { " ": "Space", ArrowDown: "↓", ArrowUp: "↑" }[key] ?? key))), element("dd", text)));
+    const change = () => {
       this.isOn = box.checked;
       localStorage.setItem(STORED, box.checked ? "on" : "off");
-    });
+    };
+    const box = element("input#keys_on", { type: "checkbox", checked: this.isOn, onchange: change });
     this.dialog.append(
-      element("header", {}, element("h2", { id: "help_title" }, "Keys"), element("button", { type: "button", class: "icon_button", "aria-label": "Close", onclick: () => this.dialog.close() }, "✕")),
-      element("dl", { class: "keys" }, ...rows),
-      element("label", { class: "keys_switch" }, box, " Use these keys"),
+      dialogHead(this.dialog, "help_title", "Keys"),
+      element("dl.keys", ...rows),
+      element("label", box, " Use these keys"),
     );
   }
 

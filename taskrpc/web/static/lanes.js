@@ -1,6 +1,6 @@
 // The swim lanes of the sequence diagram: names at the left, the track, the newest text at the right.
 
-import { drawn, element, setAttribute, setText } from "./dom.js";
+import { DRAWING, drawn, element, isProjector, rem, setAttribute, setText, showEach } from "./dom.js";
 
 const LANE = 1.75; // rem, the least height of a lane
 const LANE_PROJECTOR = 1.125; // rem, the least height where the text is twice as large
@@ -15,12 +15,11 @@ export const ROBOT = "robot";
 /** Assigns lanes to clients and draws their frame; the track in between is for the caller. */
 export class Lanes {
   constructor(root, label) {
-    this.root = root;
-    this.names = element("ol", { class: "lane_names", "aria-hidden": "true" });
-    this.lasts = element("ol", { class: "lane_lasts", "aria-hidden": "true" });
-    this.lines = drawn("svg", { class: "lane_lines", "aria-hidden": "true" });
-    this.track = element("div", { class: "track" }, this.lines);
-    this.frame = element("div", { class: "lanes", role: "img", "aria-label": label }, this.names, this.track, this.lasts);
+    this.names = element("ol.lane_names", DRAWING);
+    this.lasts = element("ol.lane_lasts", DRAWING);
+    this.lines = drawn("svg.lane_lines", DRAWING);
+    this.track = element("div.track", this.lines);
+    this.frame = element("div.lanes", { role: "img", "aria-label": label }, this.names, this.track, this.lasts);
     root.append(this.frame);
     this.clients = []; // [{name, seen}], in the order of their lanes
     this.others = new Map(); // client without a lane -> when it called
@@ -32,10 +31,10 @@ export class Lanes {
   /** Take the size of the panel, in pixels; return whether it can be drawn. */
   resize(width, height) {
     if (width < 100 || height < 60) return (this.ready = false);
-    this.rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
+    this.rem = rem();
     this.width = width;
     this.height = height;
-    const least = "projector" in document.documentElement.dataset ? LANE_PROJECTOR : LANE;
+    const least = isProjector ? LANE_PROJECTOR : LANE;
     this.most = Math.max(2, Math.floor((height - TOP * this.rem) / (least * this.rem)) - 3);
     this.makeRoom();
     this.layout();
@@ -55,19 +54,16 @@ export class Lanes {
       known.seen = Math.max(known.seen, t);
       return;
     }
-    if (this.others.has(name)) {
-      this.others.set(name, t);
-      return;
-    }
-    const idle = this.clients.findIndex((client) => t - client.seen > IDLE);
-    if (idle >= 0) this.clients[idle] = { name, seen: t };
-    else if (this.others.size === 0) this.clients.push({ name, seen: t });
-    else {
+    const isOther = this.others.has(name);
+    const idle = isOther ? -1 : this.clients.findIndex((client) => t - client.seen > IDLE);
+    if (idle < 0 && this.others.size) {
       // The lanes stay as they are, so the drawing stays too; only the number of the others grows.
       this.others.set(name, t);
-      this.countOthers();
+      if (!isOther) this.countOthers();
       return;
     }
+    if (idle >= 0) this.clients[idle] = { name, seen: t };
+    else this.clients.push({ name, seen: t });
     this.makeRoom();
     this.layout();
   }
@@ -107,18 +103,15 @@ export class Lanes {
     this.robot = this.middle(fixed + 2);
     this.other = this.middle(fixed - 1);
     this.frame.style.setProperty("--lane", `${this.lane}px`);
-    for (const list of [this.names, this.lasts]) {
-      while (list.children.length > rows.length) list.lastChild.remove();
-      while (list.children.length < rows.length) list.append(element("li", {}, element("span"), element("span")));
-    }
-    rows.forEach(([name, kind], i) => {
-      setText(this.names.children[i].firstChild, name);
-      setAttribute(this.names.children[i], "data-kind", kind);
-      setAttribute(this.lasts.children[i], "data-kind", kind);
-      this.last(i, "", null);
+    const show = (list, texts) => showEach(list, rows, () => element("li", element("span"), element("span")), (node, [name, kind]) => {
+      setText(node.firstChild, texts ? name : "");
+      setText(node.lastChild, "");
+      setAttribute(node, "data-kind", kind);
+      setAttribute(node, "data-tone", null);
     });
-    const line = rows.map(([, kind], i) => drawn("path", { class: `lane_line ${kind}`, d: `M0 ${this.middle(i)}H${this.width}` }));
-    this.lines.replaceChildren(...line);
+    show(this.names, true);
+    show(this.lasts, false);
+    this.lines.replaceChildren(...rows.map((_, i) => drawn("path", { d: `M0 ${this.middle(i)}H${this.width}` })));
   }
 
   middle(i) {
@@ -131,11 +124,10 @@ export class Lanes {
     return i === undefined ? this.other : this.middle(i);
   }
 
-  /** Show a text at the right end of a lane, in two parts by a tab; `row` counts from the top, negative from the bottom. */
-  last(row, text, tone) {
-    const node = this.lasts.children[row < 0 ? this.rows.length + row : row];
+  /** Show two texts at the right end of a lane; `row` counts from the top, negative from the bottom. */
+  last(row, first, second = "", tone = null) {
+    const node = [...this.lasts.children].at(row);
     if (!node) return;
-    const [first, second = ""] = text.split("\t");
     setText(node.firstChild, first);
     setText(node.lastChild, second);
     setAttribute(node, "data-tone", tone);

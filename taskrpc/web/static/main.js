@@ -5,7 +5,7 @@ import { ClassView } from "./class.js";
 import { LiveStream, takeToken } from "./connection.js";
 import { Controls } from "./controls.js";
 import { Details } from "./details.js";
-import { byId, icon, setAttribute, setIcon, setText } from "./dom.js";
+import { byId, element, icon, isProjector, root, setAttribute, setIcon, setText } from "./dom.js";
 import { GraphView } from "./graph.js";
 import { Keyboard, Tabs } from "./keyboard.js";
 import { MapView } from "./map.js";
@@ -16,8 +16,7 @@ import { StatusView } from "./status.js";
 import { TasksView } from "./tasks.js";
 
 const TICK = 250; // milliseconds between two updates of the numbers that count
-const root = document.documentElement;
-if (new URLSearchParams(location.search).has("projector")) root.dataset.projector = "";
+if (isProjector) root.dataset.projector = "";
 
 const token = takeToken();
 const model = new Model();
@@ -68,13 +67,10 @@ function back() {
 }
 
 function setUpMessageButtons() {
-  byId("step").append(icon("step"), document.createElement("span"));
-  const live = document.createElement("button");
-  Object.assign(live, { id: "live_calls", type: "button", textContent: "Live" });
-  byId("step").after(live);
-  live.addEventListener("click", back);
-  byId("slow_motion").addEventListener("click", toggleSlowMotion);
-  byId("step").addEventListener("click", step);
+  byId("step").append(icon("step"), element("span"));
+  byId("live_calls").onclick = back;
+  byId("slow_motion").onclick = toggleSlowMotion;
+  byId("step").onclick = step;
   showMode();
 }
 
@@ -82,15 +78,14 @@ function setUpTheme() {
   const button = byId("theme");
   const dark = matchMedia("(prefers-color-scheme: dark)");
   button.append(icon("dark"));
-  const show = () => setIcon(button.firstChild, root.dataset.theme === "dark" || (!root.dataset.theme && dark.matches) ? "light" : "dark");
-  const stored = localStorage.getItem("taskrpc_theme");
-  if (stored) root.dataset.theme = stored;
-  dark.addEventListener("change", show);
-  button.addEventListener("click", () => {
-    root.dataset.theme = root.dataset.theme === "dark" || (!root.dataset.theme && dark.matches) ? "light" : "dark";
-    localStorage.setItem("taskrpc_theme", root.dataset.theme);
+  const other = () => ((root.dataset.theme ?? (dark.matches ? "dark" : "light")) === "dark" ? "light" : "dark");
+  const show = () => setIcon(button.firstChild, other());
+  setAttribute(root, "data-theme", localStorage.getItem("taskrpc_theme"));
+  dark.onchange = show;
+  button.onclick = () => {
+    root.dataset.theme = localStorage.taskrpc_theme = other();
     show();
-  });
+  };
   show();
 }
 
@@ -100,30 +95,28 @@ function setUpParts() {
     root.dataset.part = part;
     for (const button of buttons) setAttribute(button, "aria-pressed", button.dataset.part === part);
   };
-  for (const button of buttons) button.addEventListener("click", () => choose(button.dataset.part));
+  for (const button of buttons) button.onclick = () => choose(button.dataset.part);
   choose("robot");
 }
 
-function reprioritise(by) {
-  const task = tasks.queue.selected();
-  if (!task) return false;
-  const priority = Math.max(1, Math.min(10, task.priority + by));
-  if (priority !== task.priority) act("reprioritise", { task_id: task.task_id, priority });
+/** Return the action of a key for the selected task; without one, the browser gets the key. */
+function onSelected(use) {
+  return (event) => {
+    const task = tasks.queue.selected();
+    return task ? use(task, event) : false;
+  };
 }
 
-function onSelected(use) {
-  return () => {
-    const task = tasks.queue.selected();
-    if (!task) return false;
-    use(task);
-  };
+function reprioritise(task, { key }) {
+  const priority = task.priority + (key === "+" ? 1 : -1);
+  if (priority >= 1 && priority <= 10) act("reprioritise", { task_id: task.task_id, priority });
 }
 
 new Keyboard([
   { keys: ["?"], text: "show this list", act: () => byId("help_dialog").showModal() },
   { keys: ["j", "k", "ArrowDown", "ArrowUp"], text: "select the next, previous task of the queue", act: ({ key }) => (key.length > 1 && !tasks.queue.selected() ? false : tasks.queue.step(["j", "ArrowDown"].includes(key) ? 1 : -1)) },
   { keys: ["Enter"], text: "show the details of the task", act: onSelected((task) => open(task.task_id)) },
-  { keys: ["+", "-"], text: "raise, lower the priority of the task", act: ({ key }) => reprioritise(key === "+" ? 1 : -1) },
+  { keys: ["+", "-"], text: "raise, lower the priority of the task", act: onSelected(reprioritise) },
   { keys: ["x", "Delete"], text: "cancel the task", act: onSelected((task) => act("cancel", { task_id: task.task_id })) },
   { keys: ["n"], text: "new task", act: () => (model.canControl ? byId("submit_target").focus() : act("submit")) },
   { keys: ["p"], text: "pause or resume the queue", act: () => controls.togglePause() },
@@ -179,7 +172,7 @@ function frame(time) {
   const { changed } = model;
   if (changed.size) {
     model.changed = new Set();
-    for (const view of [status, controls, map, tasks, calls, slow, list, graph, students]) view.update?.(changed);
+    for (const view of [status, controls, map, tasks, calls, slow, graph, students]) view.update(changed);
     model.new_calls = [];
   }
   const now = model.now();

@@ -1,6 +1,6 @@
 // Draws the map: walls, places, the robot with its path, trail and newest scan.
 
-import { byId, drawn, element, icon, setAttribute, setStyle, setText } from "./dom.js";
+import { DRAWING, byId, drawn, element, icon, isProjector, rem, setAttribute, setStyle, setText } from "./dom.js";
 import { turnBetween } from "./model.js";
 import { degrees } from "./words.js";
 
@@ -11,31 +11,42 @@ const RAY_STEP = 6; // one ray of this many is drawn as a line
 
 const points = (list) => list.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" ");
 
+/** Return the drawing of a scan; `at` turns a point in metres into one of the drawing. */
+export function scanShapes(scan, at) {
+  const from = points([at([scan.x, scan.y])]);
+  const ends = scan.ranges.map((range, i) => {
+    const angle = scan.theta + scan.angle_min + i * scan.angle_increment;
+    const reach = Number.isFinite(range) ? range : scan.range_max;
+    return points([at([scan.x + reach * Math.cos(angle), scan.y + reach * Math.sin(angle)])]);
+  });
+  const rays = ends.filter((_, i) => i % RAY_STEP === 0).map((end) => `M${from}L${end}`);
+  const hits = ends.filter((_, i) => scan.ranges[i] < scan.range_max).map((end) => `M${end}h0`);
+  return [drawn("polygon.scan_area", { points: ends.join(" ") }), drawn("path.scan_rays", { d: rays.join("") }), drawn("path.scan_hits", { d: hits.join("") })];
+}
+
 export class MapView {
   /** `chosen(x, y)` gets the metres of a click on the floor. */
   constructor(model, chosen) {
     this.model = model;
     this.root = byId("map");
-    this.text = byId("robot_text");
     this.floor = drawn("g");
     this.places = drawn("g");
-    this.names = drawn("g", { class: "place_names" });
-    this.scan = drawn("g", { class: "scan" });
-    this.trail = drawn("polyline", { class: "trail" });
-    this.path = drawn("polyline", { class: "path", id: "path" });
-    this.goal = drawn("g", { class: "goal", id: "goal" }, drawn("circle", { r: 9 }), drawn("path", { d: "M-13 0h8M5 0h8M0-13v8M0 5v8" }));
+    this.names = drawn("g.place_names");
+    this.scan = drawn("g.scan");
+    this.trail = drawn("polyline.trail");
+    this.path = drawn("polyline#path");
+    this.goal = drawn("g#goal", drawn("circle", { r: 9 }), drawn("path", { d: "M-13 0h8M5 0h8M0-13v8M0 5v8" }));
     // A drawing of its own, so that the browser moves it without painting the map again.
-    this.robot = drawn("svg", { class: "robot", id: "robot", "aria-hidden": "true", hidden: true });
-    this.svg = drawn("svg", { id: "map_drawing", role: "img", "aria-label": "Map" });
-    this.svg.append(this.floor, this.places, this.scan, this.trail, this.path, this.goal, this.names);
-    this.hover = element("span", { class: "hover_text", "aria-hidden": "true" });
-    this.empty = element("p", { class: "empty" }, "Waiting for the map.");
+    this.robot = drawn("svg#robot", DRAWING, { hidden: true });
+    this.svg = drawn("svg#map_drawing", { role: "img", "aria-label": "Map" }, this.floor, this.places, this.scan, this.trail, this.path, this.goal, this.names);
+    this.hover = element("span.hover_text", DRAWING);
+    this.empty = element("p.empty", "Waiting for the map.");
     this.root.append(this.svg, this.robot, this.hover, this.empty);
-    this.battery = element("span", { id: "battery", class: "battery" }, icon("battery"), element("span"));
-    this.pose = element("span", { id: "pose" });
-    this.odometer = element("span", { id: "odometer", class: "minor" });
-    this.motion = element("span", { id: "motion", class: "motion" });
-    this.text.append(this.motion, this.pose, this.odometer, this.battery);
+    this.battery = element("span#battery", icon("battery"), element("span"));
+    this.pose = element("span#pose");
+    this.odometer = element("span.minor#odometer");
+    this.motion = element("strong#motion");
+    byId("robot_text").append(this.motion, this.pose, this.odometer, this.battery);
     this.scale = 0;
     this.turn = 0; // of the drawing, clockwise; it counts on beyond a whole turn
     new ResizeObserver(([entry]) => this.resize(entry.contentRect)).observe(this.root);
@@ -54,7 +65,7 @@ export class MapView {
   resize({ width, height }) {
     this.width = width;
     this.height = height;
-    this.rem = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
+    this.unit = rem() / 16; // pixels that one unit of a symbol has
     this.draw();
   }
 
@@ -69,12 +80,11 @@ export class MapView {
     }
     if (!(this.width > 40 && this.height > 40)) return;
     const [w, h] = map.size;
-    const margin = MARGIN * this.rem;
-    const foot = "projector" in document.documentElement.dataset ? MARGIN : FOOT;
+    const margin = MARGIN * this.unit;
+    const foot = isProjector ? MARGIN : FOOT;
     this.scale = Math.min((this.width - 2 * margin) / w, (this.height - margin - foot) / h);
     this.left = (this.width - w * this.scale) / 2;
     this.bottom = (this.height + margin - foot + h * this.scale) / 2;
-    setAttribute(this.svg, "viewBox", `0 0 ${this.width} ${this.height}`);
     this.drawFloor(map);
     this.drawPlaces(map);
     this.drawRobot(map);
@@ -114,22 +124,23 @@ export class MapView {
     const [x, y] = this.at([0, 0]);
     const length = step * this.scale;
     this.floor.replaceChildren(
-      drawn("rect", { class: "floor", x: left, y: top, width: w * this.scale, height: h * this.scale, rx: 2 }),
-      drawn("path", { class: "grid", d: grid.join("") }),
-      drawn("g", { class: "walls" }, ...boxes),
-      drawn("path", { class: "scale_bar", d: `M${x} ${y + 8}v6h${length}v-6` }),
-      drawn("text", { class: "scale_text", x: x + length + 8, y: y + 16 }, `${step} m`),
+      drawn("rect.floor", { x: left, y: top, width: w * this.scale, height: h * this.scale, rx: 2 }),
+      drawn("path.grid", { d: grid.join("") }),
+      drawn("g.walls", ...boxes),
+      drawn("path.scale_bar", { d: `M${x} ${y + 8}v6h${length}v-6` }),
+      drawn("text.scale_text", { x: x + length + 8, y: y + 16 }, `${step} m`),
     );
   }
 
   drawPlaces(map) {
-    const high = Math.max(map.radius * this.scale, 9 * this.rem) + 6 * this.rem; // above the robot
+    const high = Math.max(map.radius * this.scale, 9 * this.unit) + 6 * this.unit; // above the robot
     const marks = [];
     const names = [];
     for (const [name, point] of Object.entries(map.places)) {
       const [x, y] = this.at(point);
-      const shape = name === "dock" ? { class: "dock", d: "M-9-9h18v18h-18zM1-6-4 1h4l-1 5 5-7H0z" } : { class: "place", d: "M0-5 5 0 0 5-5 0z" };
-      marks.push(drawn("path", { ...shape, transform: `translate(${x} ${y}) scale(${this.rem})` }));
+      const shape = name === "dock" ? drawn("path.dock", { d: "M-9-9h18v18h-18zM1-6-4 1h4l-1 5 5-7H0z" }) : drawn("path.place", { d: "M0-5 5 0 0 5-5 0z" });
+      setAttribute(shape, "transform", `translate(${x} ${y}) scale(${this.unit})`);
+      marks.push(shape);
       names.push(drawn("text", { x, y: y - high, "text-anchor": "middle", "data-place": name }, name));
     }
     this.places.replaceChildren(...marks);
@@ -137,14 +148,14 @@ export class MapView {
   }
 
   drawRobot(map) {
-    const r = Math.max(map.radius * this.scale, 8 * this.rem);
+    const r = Math.max(map.radius * this.scale, 8 * this.unit);
     const half = Math.ceil(r) + 2;
     setAttribute(this.robot, "viewBox", `${-half} ${-half} ${2 * half} ${2 * half}`);
     for (const name of ["width", "height"]) setAttribute(this.robot, name, 2 * half);
     this.half = half;
     this.robot.replaceChildren(
-      drawn("circle", { class: "robot_body", r }),
-      drawn("path", { class: "robot_heading", d: `M${r * 0.68} 0 ${-r * 0.42} ${-r * 0.5} ${-r * 0.12} 0 ${-r * 0.42} ${r * 0.5}z` }),
+      drawn("circle.robot_body", { r }),
+      drawn("path.robot_heading", { d: `M${r * 0.68} 0 ${-r * 0.42} ${-r * 0.5} ${-r * 0.12} 0 ${-r * 0.42} ${r * 0.5}z` }),
     );
   }
 
@@ -156,7 +167,7 @@ export class MapView {
       const list = this.model.path.points;
       this.path.setAttribute("points", points(list.map((point) => this.at(point))));
       this.goal.toggleAttribute("hidden", list.length === 0);
-      if (list.length) this.goal.setAttribute("transform", `translate(${points([this.at(list.at(-1))])}) scale(${this.rem})`);
+      if (list.length) this.goal.setAttribute("transform", `translate(${points([this.at(list.at(-1))])}) scale(${this.unit})`);
     }
     if (changed.has("robot")) this.trail.setAttribute("points", points(this.model.trail.map((point) => this.at(point))));
     if (changed.has("scan")) this.drawScan();
@@ -167,13 +178,9 @@ export class MapView {
     this.robot.toggleAttribute("hidden", !robot);
     this.battery.hidden = robot?.battery == null;
     this.odometer.hidden = robot?.odometer == null;
-    if (!robot) {
-      for (const node of [this.motion, this.pose]) setText(node, "");
-      return;
-    }
-    const isStale = ["lost", "asleep"].includes(this.model.connection.state);
-    setText(this.motion, isStale ? "last known" : robot.moving ? "moving" : "standing");
-    setAttribute(this.motion, "data-moving", robot.moving);
+    this.motion.hidden = this.pose.hidden = !robot;
+    if (!robot) return;
+    setText(this.motion, this.model.isStale ? "last known" : robot.moving ? "moving" : "standing");
     setText(this.pose, `x ${robot.x.toFixed(2)}  y ${robot.y.toFixed(2)}  ${degrees(robot.theta)}`);
     if (robot.odometer != null) setText(this.odometer, `${robot.odometer.toFixed(1)} m driven`);
     if (robot.battery != null) setText(this.battery.lastChild, `${Math.round(robot.battery)} %`);
@@ -183,21 +190,7 @@ export class MapView {
 
   drawScan() {
     const { scan } = this.model;
-    this.scan.replaceChildren();
-    if (!scan) return;
-    const from = this.at([scan.x, scan.y]);
-    const ends = scan.ranges.map((range, i) => {
-      const angle = scan.theta + scan.angle_min + i * scan.angle_increment;
-      const reach = Number.isFinite(range) ? range : scan.range_max;
-      return this.at([scan.x + reach * Math.cos(angle), scan.y + reach * Math.sin(angle)]);
-    });
-    const rays = ends.filter((_, i) => i % RAY_STEP === 0).map((end) => `M${points([from])}L${points([end])}`);
-    const hits = ends.filter((_, i) => scan.ranges[i] < scan.range_max).map((end) => `M${points([end])}h0`);
-    this.scan.append(
-      drawn("polygon", { class: "scan_area", points: points(ends) }),
-      drawn("path", { class: "scan_rays", d: rays.join("") }),
-      drawn("path", { class: "scan_hits", d: hits.join("") }),
-    );
+    this.scan.replaceChildren(...(scan ? scanShapes(scan, (point) => this.at(point)) : []));
   }
 
   /** Move the robot; the style sheet lets it glide from one pose to the next. */

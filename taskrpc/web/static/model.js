@@ -1,5 +1,7 @@
 // The state that the page shows. Views read it; only events change it.
 
+import { endOf } from "./words.js";
+
 const CALLS = 2000; // most calls that are kept
 const CALL_AGE = 15; // seconds that an ended call is kept; longer than the lanes show
 const POSES = 40; // most poses that are kept for the interpolation
@@ -33,6 +35,8 @@ class ServerClock {
   }
 }
 
+/** Events whose data the model keeps unchanged, with their property. */
+const PLAIN = { path: "path", scan: "scan", graph: "graph", class: "students" };
 const NO_STATS = { per_second: null, p50_ms: null, p99_ms: null, errors: null, total: 0, open: null };
 
 export class Model {
@@ -47,25 +51,26 @@ export class Model {
 
   /** Forget all state except the `hello` event: after a restart, or a jump in a recording. */
   reset() {
-    this.tasks = null;
+    this.tasks = this.robot = this.scan = this.graph = this.students = null;
     this.tasks_at = 0; // the server's time of the newest `tasks` event; estimates count from it
-    this.robot = null;
     this.poses = [];
     this.trail = [];
     this.path = { task_id: null, points: [] };
-    this.scan = null;
     this.results = new Map(); // of ended tasks in a recording, by their ids
     this.calls = new Map(); // id -> call, oldest first
     this.new_calls = []; // calls of the events since the last frame
     this.skipped = 0; // calls that the server did not send
     this.stats = NO_STATS;
-    this.graph = null;
-    this.students = null;
     for (const name of ["reset", "tasks", "robot", "path", "scan", "calls", "graph", "class"]) this.changed.add(name);
   }
 
   now() {
     return this.clock.now();
+  }
+
+  /** The name of the task server's service. */
+  get service() {
+    return this.hello?.server.service;
   }
 
   get speed() {
@@ -74,6 +79,11 @@ export class Model {
 
   get canControl() {
     return Boolean(this.hello?.control) && this.connection.state === "live";
+  }
+
+  /** Whether the page shows the state of some time ago. */
+  get isStale() {
+    return ["lost", "asleep"].includes(this.connection.state);
   }
 
   get isRecording() {
@@ -89,9 +99,8 @@ export class Model {
 
   /** Apply one event; `t` is the time of the event, now by default. */
   apply(name, data, t = null) {
-    const apply = this[`apply_${name}`];
-    if (!apply) return;
-    apply.call(this, data, t);
+    if (name in PLAIN) this[PLAIN[name]] = data;
+    else this[`apply_${name}`]?.(data, t);
     this.changed.add(name);
     for (const listener of this.listeners) listener(name, data);
   }
@@ -126,14 +135,6 @@ export class Model {
     }
   }
 
-  apply_path(data) {
-    this.path = data;
-  }
-
-  apply_scan(data) {
-    this.scan = data;
-  }
-
   apply_task(data) {
     this.results.set(data.task_id, data);
   }
@@ -146,8 +147,7 @@ export class Model {
     }
     const oldest = (t ?? this.now()) - CALL_AGE;
     for (const [id, call] of this.calls) {
-      const ended = call.state === "open" ? Infinity : call.begin + (call.ms ?? 0) / 1000;
-      if (this.calls.size > CALLS || ended < oldest) this.calls.delete(id);
+      if (this.calls.size > CALLS || endOf(call) < oldest) this.calls.delete(id);
       else if (call.state !== "open") break; // all later ones are newer
     }
     if (this.new_calls.length > CALLS) this.new_calls.splice(0, this.new_calls.length - CALLS);
@@ -155,27 +155,14 @@ export class Model {
     this.stats = data.stats;
   }
 
-  apply_graph(data) {
-    this.graph = data;
-  }
-
-  apply_class(data) {
-    this.students = data;
-  }
-
-  apply_ending() {}
-
   /** Return the robot's pose now: the newest one, or in a recording between two; null before the first one. */
   pose() {
     const { poses } = this;
     if (!this.isRecording) return poses.at(-1) ?? null;
     const at = this.now() - DELAY;
-    if (!poses.length) return null;
-    let i = poses.length - 1;
-    while (i > 0 && poses[i - 1].t >= at) i--;
-    const after = poses[i];
-    const before = poses[i - 1];
-    if (!before || after.t <= at) return after;
+    const i = poses.findIndex(({ t }) => t >= at);
+    if (i < 1) return poses.at(i) ?? null;
+    const [before, after] = poses.slice(i - 1);
     const share = Math.max(0, Math.min(1, (at - before.t) / (after.t - before.t)));
     return {
       x: before.x + share * (after.x - before.x),

@@ -1,49 +1,16 @@
 // Plays a recording: gives the model the events that a live stream has, and draws the time line.
 
-import { authorization } from "./connection.js";
-import { byId, element, icon, setAttribute, setIcon, setText } from "./dom.js";
+import { authorization, partsOf } from "./connection.js";
+import { DRAWING, byId, element, icon, root, setAttribute, setIcon, setText } from "./dom.js";
 import { duration, timeOfDay } from "./words.js";
 
 const SPEEDS = [0.1, 0.5, 1, 2, 5, 20];
 const BACK = { robot: 40, calls: 12, task: Infinity }; // seconds of earlier events that a jump applies
 
-/** Yields the lines of a response. */
-async function* lines(body) {
-  const reader = body.pipeThrough(new TextDecoderStream()).getReader();
-  let text = "";
-  for (;;) {
-    const { value, done } = await reader.read();
-    const parts = (text + (value ?? "")).split("\n");
-    text = done ? "" : parts.pop();
-    yield* parts.filter((part) => part.trim());
-    if (done) return;
-  }
-}
-
 /** Return the index of the first event after `t`. */
 function after(events, t) {
-  let low = 0;
-  let high = events.length;
-  while (low < high) {
-    const middle = (low + high) >> 1;
-    if (events[middle].t <= t) low = middle + 1;
-    else high = middle;
-  }
-  return low;
-}
-
-/** The clock of a recording: it runs from event to event at the chosen speed, and stops while paused. */
-class PlayerClock {
-  constructor(begin) {
-    this.t = begin;
-  }
-
-  now() {
-    return this.t;
-  }
-
-  observe() {}
-  freeze() {}
+  const found = events.findIndex((event) => event.t > t);
+  return found < 0 ? events.length : found;
 }
 
 export class Recording {
@@ -62,10 +29,10 @@ export class Recording {
   async load() {
     const { recording, server } = this.model.hello;
     // Without a task server there are only calls.
-    if (!server.service) Object.assign(document.documentElement.dataset, { calls_only: "", part: "calls" });
+    if (!server.service) Object.assign(root.dataset, { calls_only: "", part: "calls" });
     const response = await fetch("/recording", { headers: authorization(this.token) });
     if (!response.ok) throw new Error(`The recording cannot be read: HTTP status ${response.status}. Run taskrpc view again.`);
-    for await (const line of lines(response.body)) {
+    for await (const line of partsOf(response.body, "\n")) {
       const event = JSON.parse(line);
       if (event.event === "hello") continue;
       this.events.push(event);
@@ -73,23 +40,23 @@ export class Recording {
     }
     this.begin = recording.begin;
     this.end = Math.max(recording.end, this.begin + 0.001);
-    this.clock = this.model.clock = new PlayerClock(this.begin);
+    // It runs from event to event at the chosen speed, and stops while paused.
+    this.clock = this.model.clock = { t: this.begin, now: () => this.clock.t, observe() {}, freeze() {} };
     this.draw(recording.name);
     this.seek(this.begin);
     this.setPlaying(true);
   }
 
   draw(name) {
-    const button = (id, symbol, label, act) => element("button", { type: "button", id, class: "icon_button", "aria-label": label, title: label, onclick: act }, icon(symbol));
+    const button = (id, symbol, label, act) => element("button.icon_button", { id, "aria-label": label, title: label, onclick: act }, icon(symbol));
     this.play = button("play", "RUNNING", "Play", () => this.setPlaying(!this.isPlaying));
-    this.range = element("input", { type: "range", id: "scrub", min: 0, max: 1000, value: 0, step: "any", "aria-label": "Time in the recording" });
-    this.range.addEventListener("input", () => this.seek(this.begin + (Number(this.range.value) / 1000) * (this.end - this.begin)));
-    this.time = element("output", { id: "recording_time", class: "recording_time" });
-    const speeds = element("select", { id: "recording_speed", "aria-label": "Playback speed" }, ...SPEEDS.map((speed) => element("option", { value: speed, selected: speed === 1 }, `${speed} ×`)));
-    speeds.addEventListener("change", () => (this.speed = Number(speeds.value)));
-    this.marks = element("div", { class: "marks", "aria-hidden": "true" });
+    const scrub = () => this.seek(this.begin + (this.range.value / 1000) * (this.end - this.begin));
+    this.range = element("input#scrub", { type: "range", min: 0, max: 1000, value: 0, step: "any", "aria-label": "Time in the recording", oninput: scrub });
+    this.time = element("output#recording_time");
+    const speeds = element("select#recording_speed", { "aria-label": "Playback speed", onchange: () => (this.speed = Number(speeds.value)) }, ...SPEEDS.map((speed) => element("option", { value: speed, selected: speed === 1 }, `${speed} ×`)));
+    this.marks = element("div.marks", DRAWING);
     this.drawMarks();
-    this.root.append(element("span", { class: "recording_name minor", title: name }, name), button("step_back", "back", "One event back", () => this.step(-1)), this.play, button("step_forward", "step", "One event forward", () => this.step(1)), element("div", { class: "range" }, this.range, this.marks), this.time, speeds);
+    this.root.append(element("span.recording_name.minor", { title: name }, name), button("step_back", "back", "One event back", () => this.step(-1)), this.play, button("step_forward", "step", "One event forward", () => this.step(1)), element("div.range", this.range, this.marks), this.time, speeds);
     this.root.hidden = false;
   }
 
@@ -116,8 +83,7 @@ export class Recording {
     this.isPlaying = playing;
     this.last = performance.now();
     setIcon(this.play.firstChild, playing ? "PAUSED" : "RUNNING");
-    this.play.setAttribute("aria-label", playing ? "Pause" : "Play");
-    this.play.title = playing ? "Pause" : "Play";
+    this.play.title = this.play.ariaLabel = playing ? "Pause" : "Play";
   }
 
   /** Pause at the next or the previous event; events with only a pose do not count. */
@@ -157,9 +123,11 @@ export class Recording {
   }
 
   showTime() {
-    const place = ((this.clock.t - this.begin) / (this.end - this.begin)) * 1000;
-    if (document.activeElement !== this.range || this.isPlaying) this.range.value = place;
-    setAttribute(this.range, "aria-valuetext", `${duration(this.clock.t - this.begin)} of ${duration(this.end - this.begin)}`);
-    setText(this.time, `${timeOfDay(this.clock.t)}  ${duration(this.clock.t - this.begin)} of ${duration(this.end - this.begin)}`);
+    const at = this.clock.t - this.begin;
+    const whole = this.end - this.begin;
+    if (document.activeElement !== this.range || this.isPlaying) this.range.value = (at / whole) * 1000;
+    const text = `${duration(at)} of ${duration(whole)}`;
+    setAttribute(this.range, "aria-valuetext", text);
+    setText(this.time, `${timeOfDay(this.clock.t)}  ${text}`);
   }
 }

@@ -1,6 +1,6 @@
 // Plays calls message by message, because a call takes less than a millisecond.
 
-import { animate, byId, calm, drawn, setAttribute, setText } from "./dom.js";
+import { APPEARS, DRAWING, animate, byId, calm, drawn, setAttribute, setText } from "./dom.js";
 import { QUEUE, ROBOT, SERVER } from "./lanes.js";
 import { callText, meaning, milliseconds, shortName, taskText } from "./words.js";
 
@@ -8,6 +8,8 @@ const PERIOD = 0.9; // seconds that each message takes at least
 const BACKLOG = 24; // most messages that wait; further calls are skipped, so that the drawing stays near the present
 const STEP = 11; // rem between two messages
 const KEPT = 16; // messages that stay in the drawing
+const TRAVEL = 700; // milliseconds that a message travels
+const FIXED = [SERVER, QUEUE, ROBOT]; // the other ends of messages are clients
 
 /** Return the messages of one call that has ended, in order: who sends what to whom. */
 export function messagesOf(call, service) {
@@ -35,7 +37,7 @@ export class SlowMotion {
     this.calls = calls;
     this.lanes = calls.lanes;
     this.drawing = drawn("g");
-    this.svg = drawn("svg", { class: "slow", "aria-hidden": "true", hidden: true }, drawn("defs", {}, drawn("marker", { id: "head", viewBox: "0 0 8 8", refX: 7, refY: 4, markerWidth: 7, markerHeight: 7, orient: "auto-start-reverse" }, drawn("path", { d: "M0 .5 8 4 0 7.500z", fill: "context-stroke" }))), this.drawing);
+    this.svg = drawn("svg.slow", DRAWING, { hidden: true }, drawn("defs", drawn("marker#head", { viewBox: "0 0 8 8", refX: 7, refY: 4, markerWidth: 7, markerHeight: 7, orient: "auto-start-reverse" }, drawn("path", { d: "M0 .5 8 4 0 7.500z", fill: "context-stroke" }))), this.drawing);
     this.lanes.track.append(this.svg);
     this.text = byId("message_text");
     this.backlog = [];
@@ -70,14 +72,9 @@ export class SlowMotion {
     } else if (wasLive) {
       this.clear();
       const ended = [...this.model.calls.values()].filter((call) => call.state !== "open");
-      for (const call of ended.slice(-3)) this.put(messagesOf(call, this.model.hello?.server.service));
-      for (let i = 0; i < this.lanes.rows.length; i++) this.lanes.last(i, "", null);
+      for (const call of ended.slice(-3)) this.backlog.push(...messagesOf(call, this.model.service));
       setText(this.text, this.backlog.length ? "" : "Waiting for a call.");
     }
-  }
-
-  put(messages) {
-    this.backlog.push(...messages);
   }
 
   update(changed) {
@@ -85,8 +82,8 @@ export class SlowMotion {
     // Show all messages of a call or none: a part would be misleading.
     const ended = this.model.new_calls.filter((call) => call.state !== "open");
     for (const call of ended) {
-      const messages = messagesOf(call, this.model.hello?.server.service);
-      if (this.backlog.length + messages.length <= BACKLOG) this.put(messages);
+      const messages = messagesOf(call, this.model.service);
+      if (this.backlog.length + messages.length <= BACKLOG) this.backlog.push(...messages);
       else this.skipped += messages.length;
     }
   }
@@ -98,9 +95,10 @@ export class SlowMotion {
     if (this.mode === "live" || task?.task_id === before?.task_id) return;
     if (before) {
       const ended = tasks.ended.find((each) => each.task_id === before.task_id);
-      this.put([{ from: ROBOT, to: QUEUE, tone: ended?.state === "SUCCEEDED" ? "good" : "bad", label: `task ${before.task_id} ${(ended?.state ?? "ended").toLowerCase()}`, text: `The robot ends task ${before.task_id}: ${(ended?.state ?? "ended").toLowerCase()}${ended?.message ? `, ${ended.message}` : ""}.` }]);
+      const state = (ended?.state ?? "ended").toLowerCase();
+      this.backlog.push({ from: ROBOT, to: QUEUE, tone: state === "succeeded" ? "good" : "bad", label: `task ${before.task_id} ${state}`, text: `The robot ends task ${before.task_id}: ${state}${ended?.message ? `, ${ended.message}` : ""}.` });
     }
-    if (task) this.put([{ from: QUEUE, to: ROBOT, label: `task ${task.task_id}`, text: `The robot begins task ${task.task_id}: ${taskText(task)}.` }]);
+    if (task) this.backlog.push({ from: QUEUE, to: ROBOT, label: `task ${task.task_id}`, text: `The robot begins task ${task.task_id}: ${taskText(task)}.` });
   }
 
   /** Play the next message now; in slow motion, also stop playing. */
@@ -113,7 +111,7 @@ export class SlowMotion {
     const message = this.backlog.shift();
     if (!message) return false;
     message.step = this.count++;
-    for (const end of [message.from, message.to]) if (![SERVER, QUEUE, ROBOT].includes(end)) this.lanes.see(end, this.model.now());
+    for (const end of [message.from, message.to]) if (!FIXED.includes(end)) this.lanes.see(end, this.model.now());
     this.shown.push(message);
     if (this.shown.length > KEPT) this.shown.shift();
     const more = this.backlog.length ? `  (${this.backlog.length} messages wait${this.skipped ? `, ${this.skipped} skipped` : ""})` : "";
@@ -130,25 +128,15 @@ export class SlowMotion {
   }
 
   y(end) {
-    const { lanes } = this;
-    return end === SERVER ? lanes.server : end === QUEUE ? lanes.queue : end === ROBOT ? lanes.robot : lanes.y(end);
+    return FIXED.includes(end) ? this.lanes[end] : this.lanes.y(end);
   }
 
   draw(newest) {
     if (!this.lanes.ready) return;
     const steps = Math.max(2, Math.floor(this.lanes.width / (STEP * this.lanes.rem)));
     const width = this.lanes.width / steps;
-    const first = Math.max(0, this.count - steps);
-    if (this.revision !== this.lanes.revision || this.width !== width) {
-      this.revision = this.lanes.revision;
-      this.width = width;
-      this.drawing.replaceChildren(...this.shown.map((message) => this.arrow(message, width, message === newest)));
-    } else {
-      this.drawing.lastChild?.classList.remove("newest");
-      this.drawing.append(this.arrow(newest, width, true));
-      while (this.drawing.children.length > KEPT) this.drawing.firstChild.remove();
-    }
-    this.drawing.style.transform = `translateX(${-first * width}px)`;
+    this.drawing.replaceChildren(...this.shown.map((message) => this.arrow(message, width, message === newest)));
+    this.drawing.style.transform = `translateX(${-Math.max(0, this.count - steps) * width}px)`;
   }
 
   arrow(message, width, isNewest) {
@@ -161,7 +149,7 @@ export class SlowMotion {
     const up = to < from;
     // Beside the upper end of the arrow there is room on both sides.
     const label = drawn("text", { x: (x + end[0]) / 2 + (up ? -4 : 4), y: (from + end[1]) / 2 - 6, "text-anchor": up ? "end" : "start" }, message.label);
-    const group = drawn("g", { class: `message${message.lost ? " lost" : ""}${isNewest ? " newest" : ""}`, "data-tone": message.tone ?? "accent" }, line, drawn("circle", { cx: x, cy: from, r: 3 }));
+    const group = drawn(`g.message${message.lost ? ".lost" : ""}${isNewest ? ".newest" : ""}`, { "data-tone": message.tone ?? "accent" }, line, drawn("circle", { cx: x, cy: from, r: 3 }));
     if (message.lost) group.append(drawn("path", { d: `M${end[0] - 5} ${end[1] - 5}l10 10m0-10l-10 10` }));
     group.append(label);
     if (isNewest && !calm.matches) this.travel(group, line, x, from, end);
@@ -171,15 +159,15 @@ export class SlowMotion {
   /** Let the message travel along its arrow. */
   travel(group, line, x, y, end) {
     const length = Math.hypot(end[0] - x, end[1] - y);
-    const dot = drawn("circle", { class: "travels", r: 5 });
+    const dot = drawn("circle.travels", { r: 5 });
     const head = line.getAttribute("marker-end");
     line.removeAttribute("marker-end"); // the head appears when the message arrives
-    group.append(dot);
-    line.animate([{ strokeDasharray: `0 ${length}` }, { strokeDasharray: `${length} 0` }], { duration: 700, easing: "ease-out" });
-    dot.animate([{ transform: `translate(${x}px, ${y}px)` }, { transform: `translate(${end[0]}px, ${end[1]}px)` }], { duration: 700, easing: "ease-out" }).onfinish = () => {
+    group.prepend(dot);
+    animate(line, [{ strokeDasharray: `0 ${length}` }, { strokeDasharray: `${length} 0` }], TRAVEL);
+    animate(dot, [{ transform: `translate(${x}px, ${y}px)` }, { transform: `translate(${end[0]}px, ${end[1]}px)` }], TRAVEL).onfinish = () => {
       dot.remove();
       if (head) line.setAttribute("marker-end", head);
     };
-    animate(group.querySelector("text"), [{ opacity: 0 }, { opacity: 0 }, { opacity: 1 }], 500);
+    animate(group.lastChild, APPEARS, TRAVEL);
   }
 }

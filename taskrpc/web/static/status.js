@@ -1,6 +1,6 @@
 // Shows the state of the connection and the figures of the calls, and announces tasks that ended.
 
-import { byId, element, icon, setAttribute, setIcon, setText } from "./dom.js";
+import { byId, element, icon, root, setAttribute, setIcon, setText } from "./dom.js";
 import { duration, milliseconds, stateOf, taskText, timeOfDay } from "./words.js";
 
 const ANNOUNCE = 1500; // milliseconds between two announcements, so that a screen reader keeps up
@@ -18,12 +18,9 @@ export class StatusView {
   constructor(model) {
     this.model = model;
     this.connection = byId("connection");
-    this.icon = icon("waiting");
-    this.word = element("span");
-    this.connection.append(this.icon, this.word);
+    this.connection.append(icon("waiting"), element("span"));
     this.banner = byId("banner");
     this.stats = Object.fromEntries([...document.querySelectorAll("[data-stat]")].map((node) => [node.dataset.stat, node]));
-    this.announcements = byId("announcements");
     this.pending = [];
     this.known = null; // ids of the ended tasks that were announced
     model.listeners.push((name, data) => name === "tasks" && this.noteEnds(data));
@@ -45,7 +42,7 @@ export class StatusView {
     if (!this.pending.length || now - (this.announced ?? -ANNOUNCE) < ANNOUNCE) return;
     this.announced = now;
     const text = this.pending.length > 3 ? `${this.pending.length} tasks ended. ${this.pending.at(-1)}` : this.pending.join(" ");
-    setText(this.announcements, text);
+    setText(byId("announcements"), text);
     this.pending = [];
   }
 
@@ -53,9 +50,9 @@ export class StatusView {
     const { state, text, since, note } = this.model.connection;
     const { word, icon: symbol } = CONNECTION[state];
     setAttribute(this.connection, "data-state", state);
-    setAttribute(document.documentElement, "data-connection", state);
-    setIcon(this.icon, symbol);
-    setText(this.word, note && state === "live" ? `${word} · ${note} at ${timeOfDay(this.model.hello.server.started)}` : word);
+    setAttribute(root, "data-connection", state);
+    setIcon(this.connection.firstChild, symbol);
+    setText(this.connection.lastChild, note && state === "live" ? `${word} · ${note} at ${timeOfDay(this.model.hello.server.started)}` : word);
     const seconds = Date.now() / 1000 - since;
     let banner = "";
     if (state === "lost" && (seconds > 0.4 || !this.model.hello)) banner = `Connection lost since ${timeOfDay(since)} (${duration(Math.floor(seconds))}): ${text}. The page shows the state of that time, and reconnects by itself.`;
@@ -67,9 +64,8 @@ export class StatusView {
   }
 
   showStats() {
-    const isStale = ["lost", "asleep"].includes(this.model.connection.state);
-    const stats = isStale ? {} : this.model.stats; // a figure that does not change would look live
-    const texts = { per_second: stats.per_second?.toFixed(stats.per_second < 10 ? 1 : 0), p50_ms: milliseconds(stats.p50_ms), p99_ms: milliseconds(stats.p99_ms), errors: stats.errors, open: stats.open };
+    const stats = this.model.isStale ? {} : this.model.stats; // a figure that does not change would look live
+    const texts = { ...stats, per_second: stats.per_second?.toFixed(stats.per_second < 10 ? 1 : 0), p50_ms: milliseconds(stats.p50_ms), p99_ms: milliseconds(stats.p99_ms) };
     for (const [name, node] of Object.entries(this.stats)) setText(node, String(texts[name] ?? "–"));
     setAttribute(this.stats.errors, "data-tone", stats.errors ? "bad" : null);
   }

@@ -1,6 +1,6 @@
 // Shows the tasks: the running one, the queue in the order in which it will run, and the ended ones.
 
-import { animate, byId, calm, command, element, icon, setAttribute, setIcon, setStyle, setText } from "./dom.js";
+import { APPEARS, animate, byId, calm, command, element, icon, rem, root, setAttribute, setIcon, setStyle, setText } from "./dom.js";
 import { difference, duration, plural, stateOf, taskText, timeOfDay, wholeSeconds } from "./words.js";
 
 const REASON = 3000; // milliseconds that a reason stays beside a task that moved
@@ -8,8 +8,9 @@ const EXAMPLE = "taskrpc-call /robot_task task_type=move target=warehouse priori
 
 /** Return a state as an icon with a word and a colour. */
 export function stateBadge(state) {
-  const { word, tone } = stateOf(state);
-  return element("span", { class: "state", "data-tone": tone, "data-state": state }, icon(state), element("span", {}, word));
+  const badge = element("span.state", icon(state), element("span"));
+  setBadge(badge, state);
+  return badge;
 }
 
 function setBadge(badge, state) {
@@ -26,14 +27,13 @@ class NowView {
     this.model = model;
     this.root = byId("now");
     this.badge = stateBadge("RUNNING");
-    this.title = element("button", { type: "button", class: "now_title link", id: "now_title" }, element("span", { class: "now_id" }), element("span"));
-    this.facts = element("p", { class: "quiet now_facts", id: "now_facts" });
-    this.bar = element("div", { class: "bar", id: "now_bar", role: "progressbar", "aria-label": "Progress of the running task", "aria-valuemin": 0, "aria-valuemax": 100 });
-    this.text = element("p", { class: "now_text", id: "now_text" });
-    this.card = element("div", { class: "now_card" }, element("div", { class: "now_head" }, this.badge, this.title, this.facts), element("div", { class: "now_progress" }, this.bar, this.text));
-    this.idle = element("div", { class: "idle", id: "idle" }, element("span", { class: "state", "data-tone": "quiet" }, icon("QUEUED"), element("span", {}, "Idle")), element("p", { class: "quiet" }));
+    this.title = element("button.link#now_title", { onclick: () => open(this.model.tasks.running.task_id) }, element("span.now_id"), element("span"));
+    this.facts = element("p.quiet#now_facts");
+    this.bar = element("div#now_bar", { role: "progressbar", "aria-label": "Progress of the running task", "aria-valuemin": 0, "aria-valuemax": 100 });
+    this.text = element("p#now_text");
+    this.card = element("div.now_card", element("div.now_head", this.badge, this.title, this.facts), element("div.now_progress", this.bar, this.text));
+    this.idle = element("div#idle", element("span.state", { "data-tone": "quiet" }, icon("QUEUED"), "Idle"), element("p.quiet"));
     this.root.append(this.card, this.idle);
-    this.title.addEventListener("click", () => open(this.model.tasks.running.task_id));
   }
 
   update() {
@@ -75,21 +75,23 @@ class NowView {
 class Row {
   constructor(view, task) {
     this.task = task;
-    this.place = element("span", { role: "gridcell", class: "place" });
-    this.id = element("span", { role: "gridcell", class: "task_id" }, `task ${task.task_id}`);
-    this.what = element("span", { role: "gridcell", class: "what" });
-    this.priority = element("span", { class: "priority_value" });
-    this.client = element("span", { role: "gridcell", class: "client" });
-    this.estimate = element("span", { role: "gridcell", class: "estimate" });
-    this.reason = element("span", { class: "reason" }, element("span"), element("span", { class: "cause" }));
-    const button = (verb, symbol, label) =>
-      element("button", { type: "button", tabindex: -1, class: "row_button", "data-verb": verb, "aria-label": label, title: label }, icon(symbol));
-    this.up = button("raise", "up", `Raise the priority of task ${task.task_id}`);
-    this.down = button("lower", "down", `Lower the priority of task ${task.task_id}`);
-    const cancel = button("cancel", "FAILED", `Cancel task ${task.task_id}`);
-    const priority = element("span", { role: "gridcell", class: "priority" }, this.priority, element("span", { class: "row_buttons" }, this.up, this.down));
-    this.node = element("div", { role: "row", class: "row", tabindex: -1, "data-task": task.task_id, "data-state": task.state },
-      this.place, priority, this.id, this.what, this.client, this.estimate, element("span", { role: "gridcell", class: "row_cancel row_buttons" }, cancel), this.reason);
+    const cell = (name, ...parts) => element(`span.${name}`, { role: "gridcell" }, ...parts);
+    this.place = cell("place");
+    this.what = cell("what");
+    this.priority = element("span.priority_value");
+    this.client = cell("client");
+    this.estimate = cell("estimate");
+    this.reason = element("span.reason");
+    const button = (verb, symbol, words) => {
+      const title = `${words} task ${task.task_id}`;
+      return element("button.row_button", { tabindex: -1, "data-verb": verb, "aria-label": title, title }, icon(symbol));
+    };
+    this.up = button("raise", "up", "Raise the priority of");
+    this.down = button("lower", "down", "Lower the priority of");
+    const cancel = button("cancel", "FAILED", "Cancel");
+    this.node = element("div.row", { role: "row", tabindex: -1, "data-task": task.task_id, "data-state": task.state },
+      this.place, cell("priority", this.priority, element("span.row_buttons", this.up, this.down)), cell("task_id", `task ${task.task_id}`),
+      this.what, this.client, this.estimate, cell("row_cancel.row_buttons", cancel), this.reason);
     this.show(task, 0);
   }
 
@@ -101,15 +103,13 @@ class Row {
     setText(this.priority, String(task.priority));
     setText(this.client, task.client + (task.robot && ` → ${task.robot}`));
     setAttribute(this.node, "data-priority", task.priority);
-    setAttribute(this.up, "disabled", task.priority >= 10 ? "" : null);
-    setAttribute(this.down, "disabled", task.priority <= 1 ? "" : null);
-    const late = task.estimated_time - task.accepted_estimate;
-    setAttribute(this.estimate, "title", `first estimate ${duration(task.accepted_estimate)}${Math.abs(late) > 0.05 ? `; now ${difference(late)}` : ""}`);
+    this.up.disabled = task.priority >= 10;
+    this.down.disabled = task.priority <= 1;
+    setAttribute(this.estimate, "title", `first estimate ${duration(task.accepted_estimate)}`);
   }
 
   explain(move) {
-    setText(this.reason.firstChild, difference(move.seconds));
-    setText(this.reason.lastChild, `: ${move.cause}`);
+    setText(this.reason, `${difference(move.seconds)}: ${move.cause}`);
     setAttribute(this.reason, "data-tone", move.seconds > 0 ? "warn" : "good");
     this.reason.classList.add("shown");
     clearTimeout(this.timer);
@@ -132,12 +132,11 @@ class QueueView {
     this.root = byId("queue");
     this.more = byId("queue_more");
     this.head = byId("next_text");
-    this.cause = byId("next_cause"); // the newest reason; shown where the rows have no room for it
     this.empty = byId("queue_empty");
     this.rows = new Map(); // task_id -> Row
     this.dropped = false; // whether the mouse has just dropped a row
     this.explained = -Infinity; // the server's time of the newest reason that was shown
-    this.empty.append(element("p", {}, "No task waits. Try:"), command(EXAMPLE));
+    this.empty.append(element("p", "No task waits. Try:"), command(EXAMPLE));
     this.root.addEventListener("click", (event) => this.clicked(event, open, act));
     this.root.addEventListener("pointerdown", (event) => this.grabbed(event, act));
     this.root.addEventListener("focusin", (event) => this.focused(event.target.closest(".row")));
@@ -147,7 +146,7 @@ class QueueView {
   grabbed(event, act) {
     const node = event.target.closest(".row");
     if (!node || event.button || event.pointerType !== "mouse" || event.target.closest("button") || !this.model.canControl) return;
-    const row = this.rows.get(Number(node.dataset.task));
+    const row = this.rowOf(node);
     const stop = new AbortController();
     let priority = null;
     const move = ({ clientY }) => {
@@ -177,7 +176,7 @@ class QueueView {
     this.dropped = false;
     if (wasDropped) return;
     const row = event.target.closest(".row");
-    const task = row && this.rows.get(Number(row.dataset.task))?.task;
+    const task = this.rowOf(row)?.task;
     if (!task) return;
     const verb = event.target.closest("[data-verb]")?.dataset.verb;
     row.focus({ preventScroll: true });
@@ -192,26 +191,33 @@ class QueueView {
     for (const each of this.root.children) each.tabIndex = each === row ? 0 : -1;
   }
 
+  focusedRow() {
+    return document.activeElement?.closest("#queue .row");
+  }
+
+  /** Return the Row of an element, undefined without one. */
+  rowOf(node) {
+    return this.rows.get(Number(node?.dataset.task));
+  }
+
   /** Return the task of the focused row, null without one. */
   selected() {
-    const row = document.activeElement?.closest?.("#queue .row");
-    return row ? (this.rows.get(Number(row.dataset.task))?.task ?? null) : null;
+    return this.rowOf(this.focusedRow())?.task ?? null;
   }
 
   /** Move the focus by some rows; from outside it goes to the first row. */
   step(by) {
     const nodes = [...this.root.children];
-    const at = nodes.indexOf(document.activeElement?.closest?.("#queue .row"));
+    const at = nodes.indexOf(this.focusedRow());
     nodes[at < 0 ? 0 : Math.max(0, Math.min(nodes.length - 1, at + by))]?.focus();
   }
 
   update(changed) {
     const { tasks } = this.model;
     const queue = tasks?.queue ?? [];
-    const isEmpty = queue.length === 0;
-    this.root.hidden = isEmpty;
-    this.empty.hidden = !isEmpty || !tasks;
-    setText(this.head, tasks ? (isEmpty ? "" : `${tasks.queued} queued${tasks.paused ? ", paused" : ""}${this.model.speed === 1 ? "" : ", times in robot seconds"}`) : "");
+    this.root.hidden = !queue.length;
+    this.empty.hidden = queue.length || !tasks;
+    setText(this.head, queue.length ? `${tasks.queued} queued${tasks.paused ? ", paused" : ""}${this.model.speed === 1 ? "" : ", times in robot seconds"}` : "");
     setText(this.more, tasks?.more ? `and ${plural(tasks.more, "more task")}` : "");
     this.arrange(queue, changed.has("reset"));
     if (tasks) this.explain(tasks.moves, changed.has("reset"));
@@ -220,7 +226,7 @@ class QueueView {
 
   /** Bring the rows into the order of the queue; rows slide from their old places. */
   arrange(queue, fresh) {
-    const focus = document.activeElement?.closest?.("#queue .row");
+    const focus = this.focusedRow();
     const height = this.rowHeight ?? 0;
     const wanted = new Set(queue.map((task) => task.task_id));
     for (const [id, row] of this.rows) {
@@ -238,7 +244,7 @@ class QueueView {
       if (row.node === at) at = at.nextSibling;
       else this.root.insertBefore(row.node, at);
       if (fresh || calm.matches) return;
-      if (isNew) animate(row.node, [{ opacity: 0 }, { opacity: 1 }]);
+      if (isNew) animate(row.node, APPEARS);
       else if (old !== index && height) animate(row.node, [{ transform: `translateY(${(old - index) * height}px)` }, { transform: "none" }], 220);
     });
     if (focus?.isConnected && document.activeElement !== focus) focus.focus({ preventScroll: true });
@@ -254,9 +260,6 @@ class QueueView {
       // After a reconnection, or a jump in a recording, the reasons are old: do not show them.
       if (fresh || this.model.now() - move.t >= REASON / 1000) continue;
       this.rows.get(move.task_id)?.explain(move);
-      setText(this.cause, move.cause);
-      clearTimeout(this.timer);
-      this.timer = setTimeout(() => setText(this.cause, ""), REASON);
     }
     if (fresh) this.explained = moves[0]?.t ?? -Infinity;
   }
@@ -285,10 +288,10 @@ class DoneView {
     this.counts.replaceChildren(
       ...counts.map(([state, n]) => {
         const { word, tone } = stateOf(state);
-        return element("span", { class: "state", "data-tone": tone, "data-state": state, title: word }, icon(state), element("span", {}, String(n)), element("span", { class: "count_word" }, word.toLowerCase()));
+        return element("span.state", { "data-tone": tone, title: word }, icon(state), String(n), element("span.count_word", word.toLowerCase()));
       }),
     );
-    if (!counts.length) this.counts.append(element("span", { class: "quiet" }, "no task has ended yet"));
+    if (!counts.length) this.counts.append(element("span.quiet", "no task has ended yet"));
     const nodes = (tasks?.ended ?? []).map((task) => this.node(task, changed.has("reset")));
     this.nodes = new Map(nodes.map((node) => [node.dataset.key, node]));
     nodes.forEach((node, i) => this.root.children[i] !== node && this.root.insertBefore(node, this.root.children[i] ?? null));
@@ -301,11 +304,11 @@ class DoneView {
     if (known) return known;
     const node = element("li", { "data-task": task.task_id, "data-state": task.state, "data-key": key },
       stateBadge(task.state),
-      element("button", { type: "button", class: "link" }, `task ${task.task_id}  ${taskText(task)}`),
-      element("span", { class: "quiet ended_message" }, task.message),
-      element("span", { class: "quiet client" }, task.client),
-      element("time", { class: "quiet" }, task.ended ? timeOfDay(task.ended) : ""));
-    if (!fresh) animate(node, [{ opacity: 0 }, { opacity: 1 }]);
+      element("button.link", `task ${task.task_id}  ${taskText(task)}`),
+      element("span.quiet.ended_message", task.message),
+      element("span.quiet.client", task.client),
+      element("time.quiet", task.ended ? timeOfDay(task.ended) : ""));
+    if (!fresh) animate(node, APPEARS);
     return node;
   }
 }
@@ -316,13 +319,11 @@ export class TasksView {
     this.now = new NowView(model, open);
     this.queue = new QueueView(model, open, act);
     this.done = new DoneView(model, open);
-    const measured = byId("tasks_panel");
     new ResizeObserver(([entry]) => {
-      const rem = parseFloat(getComputedStyle(document.documentElement).fontSize);
-      this.queue.rowHeight = parseFloat(getComputedStyle(document.documentElement).getPropertyValue("--row")) * rem;
-      if (!this.chosen) byId("done").open = entry.contentRect.height > 34 * rem;
-    }).observe(measured);
-    byId("done").querySelector("summary").addEventListener("click", () => (this.chosen = true));
+      this.queue.rowHeight = parseFloat(getComputedStyle(root).getPropertyValue("--row")) * rem();
+      if (!this.chosen) byId("done").open = entry.contentRect.height > 34 * rem();
+    }).observe(byId("tasks_panel"));
+    byId("done").firstElementChild.onclick = () => (this.chosen = true);
   }
 
   update(changed) {

@@ -1,18 +1,18 @@
 // Turns values into the text that the page shows: durations, times of day, states, errors.
 
-/** The states of a task, with their word and tone; each has an icon of the same name. */
-export const STATES = {
-  QUEUED: { word: "Queued", tone: "quiet" },
-  RUNNING: { word: "Running", tone: "accent" },
-  PAUSED: { word: "Paused", tone: "warn" },
-  CANCELING: { word: "Canceling", tone: "warn" },
-  SUCCEEDED: { word: "Succeeded", tone: "good" },
-  FAILED: { word: "Failed", tone: "bad" },
-  CANCELED: { word: "Canceled", tone: "quiet" },
-  INTERRUPTED: { word: "Interrupted", tone: "violet" },
+/** The tones of the states of a task; each state has an icon of its name. */
+const TONES = {
+  QUEUED: "quiet",
+  RUNNING: "accent",
+  PAUSED: "warn",
+  CANCELING: "warn",
+  SUCCEEDED: "good",
+  FAILED: "bad",
+  CANCELED: "quiet",
+  INTERRUPTED: "violet",
 };
 
-export const stateOf = (state) => STATES[state] ?? { word: state, tone: "quiet" };
+export const stateOf = (state) => ({ word: state[0] + state.slice(1).toLowerCase(), tone: TONES[state] ?? "quiet" });
 
 /** What an error code of a call means. */
 const CODES = {
@@ -65,6 +65,9 @@ export const plural = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
 
 /** Return `/list` for `/robot_task/list`, and the whole name of other services. */
 export const shortName = (name, service) => (service && name.startsWith(`${service}/`) ? name.slice(service.length) : name);
+
+/** Return when a call ended, Infinity for an open one. */
+export const endOf = (call) => (call.state === "open" ? Infinity : call.begin + (call.ms ?? 0) / 1000);
 
 /** Return how a call ended, as a short text: `0.31 ms`, `DEADLINE_EXCEEDED after 2.0 s`. */
 export function callText(call, now) {
