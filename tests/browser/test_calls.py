@@ -48,6 +48,7 @@ def test_service_and_result_of_a_failed_call_fit_at_the_end_of_its_lane(
     ends = ".lane_lasts li:first-child span"
     page.tab.wait(lambda: "✕" in "".join(page.tab.texts(ends)), "the failed call")
     assert page.tab.texts(ends)[0] == "/pause"
+    assert page.tab.texts("#stats dt")[-1] == "error"
     widths = page.tab.run(
         "return [...document.querySelectorAll(arguments[0])]"
         ".map(each => [each.scrollWidth, each.clientWidth])",

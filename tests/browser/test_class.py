@@ -85,6 +85,19 @@ def test_student_submits_a_task_and_the_class_tab_counts_the_call(server, servic
         )
 
 
+def test_projector_shows_the_class_and_no_buttons(server, register, tabs):
+    token = next(each.token for each in register.accounts() if each.name == "ada")
+    url = f"{server.url}?projector&view=class#view={token}"
+    page = LivePage(tabs.open(url, any_certificate=True)).is_live()
+    page.tab.wait(lambda: page.tab.shows("#students"), "the students")
+    assert page.tab.shows("#class > p")
+    for css in ("#submit_form", "#slow_motion", "#theme"):
+        assert not page.tab.shows(css), css
+    page.tab.click("#tab_calls")
+    assert not page.tab.shows("#students")
+    assert page.tab.violations() == []
+
+
 def test_student_cannot_stop_the_robot_and_the_page_says_why(server, services, open_as, tabs):
     tabs.expect("403")
     services.submit()

@@ -190,6 +190,12 @@ def test_details_show_the_recorded_result_and_changes(run, view, timeline):
     page.tab.wait(lambda: page.tab.shows("#task_dialog .scan_result"), "the scan")
 
 
+def test_empty_queue_of_a_recording_suggests_no_call(run, view, timeline):
+    page = view(run)
+    agrees(page, timeline, seek(page, timeline, 1.0))
+    assert page.tab.text("#queue_empty") == "No task waits."
+
+
 def test_details_before_the_end_of_a_task_have_no_result(run, view, timeline):
     page = view(run)
     begun = next(

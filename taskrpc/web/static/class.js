@@ -17,7 +17,7 @@ export class ClassView {
     if (!this.model.students) return;
     const { students, more } = this.model.students;
     const connected = students.filter((student) => student.connected).length;
-    setText(this.text, `${connected} of ${plural(students.length, "student")} connected${more ? `; ${more} more are not shown` : ""}`);
+    setText(this.text, `${connected} of ${plural(students.length, "student")} connected${more ? `; ${more} more not shown` : ""}`);
     showEach(this.list, students, () => element("li", icon("QUEUED"), element("strong"), element("span.quiet")), (node, student) => this.show(node, student));
   }
 

@@ -3,7 +3,8 @@
 /** The root element; its data attributes say how the style sheet draws the page. */
 export const root = document.documentElement;
 export const byId = (id) => document.getElementById(id);
-export const isProjector = new URLSearchParams(location.search).has("projector");
+export const query = new URLSearchParams(location.search);
+export const isProjector = query.has("projector");
 export const calm = matchMedia("(prefers-reduced-motion: reduce)");
 
 /** Attributes of a part that screen readers skip. */

@@ -29,7 +29,7 @@ export class GraphView {
     this.edges = drawn("svg.edges", DRAWING);
     this.columns = ["Callers", "Services and topics", "Servers"].map((title) => element("div.graph_column", element("h3", title)));
     this.more = element("p.more");
-    this.empty = element("p.empty", "No program yet. Start one that calls a service: taskrpc-call /robot_task task_type=scan target=central priority=5");
+    this.empty = element("p.empty");
     this.graph = element("div.graph#graph", this.edges, ...this.columns);
     this.root.append(this.graph, this.more, this.empty);
     new ResizeObserver(() => this.link()).observe(this.root);
@@ -46,6 +46,7 @@ export class GraphView {
     const nodes = graph?.nodes ?? [];
     this.graph.hidden = nodes.length === 0;
     this.empty.hidden = nodes.length > 0;
+    setText(this.empty, this.model.isRecording ? "No program yet." : "No program yet. Start one that calls a service: taskrpc-call /robot_task task_type=scan target=central priority=5");
     setText(this.more, graph?.more ? `and ${plural(graph.more, "more program")}` : "");
     const groups = groupsOf(nodes);
     const servers = nodes.map((node) => ({ node, offers: offersOf(node) })).filter(({ offers }) => offers.length);

@@ -5,7 +5,7 @@ import { ClassView } from "./class.js";
 import { LiveStream, takeToken } from "./connection.js";
 import { Controls } from "./controls.js";
 import { Details } from "./details.js";
-import { byId, element, icon, isProjector, root, setAttribute, setIcon, setText } from "./dom.js";
+import { byId, element, icon, isProjector, query, root, setAttribute, setIcon, setText } from "./dom.js";
 import { GraphView } from "./graph.js";
 import { Keyboard, Tabs } from "./keyboard.js";
 import { MapView } from "./map.js";
@@ -42,6 +42,8 @@ const tabs = new Tabs(byId("tabs"), (panel) => {
   list.tick();
   graph.update(new Set());
 });
+
+let wanted = byId(`tab_${query.get("view")}`); // the tab of `?view=class`, which appears with the first student
 
 function toggleSlowMotion() {
   slow.setMode(slow.mode === "playing" ? "live" : "playing");
@@ -96,7 +98,7 @@ function setUpParts() {
     for (const button of buttons) setAttribute(button, "aria-pressed", button.dataset.part === part);
   };
   for (const button of buttons) button.onclick = () => choose(button.dataset.part);
-  choose("robot");
+  choose(query.has("view") ? "calls" : "robot");
 }
 
 /** Return the action of a key for the selected task; without one, the browser gets the key. */
@@ -174,6 +176,10 @@ function frame(time) {
     model.changed = new Set();
     for (const view of [status, controls, map, tasks, calls, slow, graph, students]) view.update(changed);
     model.new_calls = [];
+    if (wanted?.hidden === false) {
+      tabs.choose(wanted);
+      wanted = null;
+    }
   }
   const now = model.now();
   map.frame(now);

@@ -2,7 +2,7 @@
 
 import { APPEARS, DRAWING, animate, byId, calm, drawn, setAttribute, setText } from "./dom.js";
 import { QUEUE, ROBOT, SERVER } from "./lanes.js";
-import { callText, meaning, milliseconds, shortName, taskText } from "./words.js";
+import { callText, meaning, milliseconds, plural, shortName, taskText } from "./words.js";
 
 const PERIOD = 0.9; // seconds that each message takes at least
 const BACKLOG = 24; // most messages that wait; further calls are skipped, so that the drawing stays near the present
@@ -114,7 +114,7 @@ export class SlowMotion {
     for (const end of [message.from, message.to]) if (!FIXED.includes(end)) this.lanes.see(end, this.model.now());
     this.shown.push(message);
     if (this.shown.length > KEPT) this.shown.shift();
-    const more = this.backlog.length ? `  (${this.backlog.length} messages wait${this.skipped ? `, ${this.skipped} skipped` : ""})` : "";
+    const more = this.backlog.length ? `  (${plural(this.backlog.length, "more message")}${this.skipped ? `, ${this.skipped} skipped` : ""})` : "";
     setText(this.text, message.text + more);
     this.draw(message);
     return true;

@@ -1,6 +1,6 @@
 // Shows the state of the connection and the figures of the calls, and announces tasks that ended.
 
-import { byId, element, icon, root, setAttribute, setIcon, setText } from "./dom.js";
+import { byId, element, icon, isProjector, root, setAttribute, setIcon, setText } from "./dom.js";
 import { duration, milliseconds, stateOf, taskText, timeOfDay } from "./words.js";
 
 const ANNOUNCE = 1500; // milliseconds between two announcements, so that a screen reader keeps up
@@ -29,7 +29,7 @@ export class StatusView {
   update(changed) {
     if (changed.has("hello")) {
       const { server, recording } = this.model.hello;
-      setText(byId("service"), server.service && `${server.service} at ${server.address}${server.speed === 1 ? "" : ` · ${server.speed} × speed`}`);
+      setText(byId("service"), isProjector ? server.service : server.service && `${server.service} at ${server.address}${server.speed === 1 ? "" : ` · ${server.speed} × speed`}`);
       document.title = `${recording?.name ?? server.service} · taskrpc`;
     }
     if (changed.has("connection") || changed.has("hello")) this.showConnection();
@@ -67,6 +67,7 @@ export class StatusView {
     const stats = this.model.isStale ? {} : this.model.stats; // a figure that does not change would look live
     const texts = { ...stats, per_second: stats.per_second?.toFixed(stats.per_second < 10 ? 1 : 0), p50_ms: milliseconds(stats.p50_ms), p99_ms: milliseconds(stats.p99_ms) };
     for (const [name, node] of Object.entries(this.stats)) setText(node, String(texts[name] ?? "–"));
+    setText(this.stats.errors.previousElementSibling, stats.errors === 1 ? "error" : "errors");
     setAttribute(this.stats.errors, "data-tone", stats.errors ? "bad" : null);
   }
 

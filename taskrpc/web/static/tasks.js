@@ -1,6 +1,6 @@
 // Shows the tasks: the running one, the queue in the order in which it will run, and the ended ones.
 
-import { APPEARS, animate, byId, calm, command, element, icon, rem, root, setAttribute, setIcon, setStyle, setText } from "./dom.js";
+import { APPEARS, animate, byId, calm, command, element, icon, isProjector, rem, root, setAttribute, setIcon, setStyle, setText } from "./dom.js";
 import { difference, duration, plural, stateOf, taskText, timeOfDay, wholeSeconds } from "./words.js";
 
 const REASON = 3000; // milliseconds that a reason stays beside a task that moved
@@ -65,7 +65,7 @@ class NowView {
     setStyle(this.fill, "transform", `scaleX(${share.toFixed(3)})`);
     setAttribute(this.bar, "aria-valuenow", percent);
     const left = this.model.timeLeft(task);
-    const unit = this.model.speed === 1 ? "" : " of robot time";
+    const unit = this.model.speed === 1 || isProjector ? "" : " of robot time";
     const rest = task.state === "RUNNING" ? `done in ${wholeSeconds(left)}${unit}` : task.state === "PAUSED" ? `${wholeSeconds(left)} of work left` : "the robot is about to halt";
     setText(this.text, `${percent} %   ${rest}`);
   }
@@ -136,7 +136,7 @@ class QueueView {
     this.rows = new Map(); // task_id -> Row
     this.dropped = false; // whether the mouse has just dropped a row
     this.explained = -Infinity; // the server's time of the newest reason that was shown
-    this.empty.append(element("p", "No task waits. Try:"), command(EXAMPLE));
+    this.empty.append(element("p"), command(EXAMPLE));
     this.root.addEventListener("click", (event) => this.clicked(event, open, act));
     this.root.addEventListener("pointerdown", (event) => this.grabbed(event, act));
     this.root.addEventListener("focusin", (event) => this.focused(event.target.closest(".row")));
@@ -217,6 +217,8 @@ class QueueView {
     const queue = tasks?.queue ?? [];
     this.root.hidden = !queue.length;
     this.empty.hidden = queue.length || !tasks;
+    setText(this.empty.firstChild, this.model.isRecording ? "No task waits." : "No task waits. Try:");
+    this.empty.lastChild.hidden = this.model.isRecording;
     setText(this.head, queue.length ? `${tasks.queued} queued${tasks.paused ? ", paused" : ""}${this.model.speed === 1 ? "" : ", times in robot seconds"}` : "");
     setText(this.more, tasks?.more ? `and ${plural(tasks.more, "more task")}` : "");
     this.arrange(queue, changed.has("reset"));
