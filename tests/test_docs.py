@@ -48,7 +48,7 @@ NOT_RUN = {
     "docs/how-to/take-a-program-to-a-robot.md": 1,
     "docs/how-to/use-rosbridge.md": 3,
     "docs/how-to/run-on-a-ros-2-robot.md": 6,
-    "docs/how-to/reach-a-robot-from-laptops.md": 2,
+    "docs/how-to/reach-a-robot-from-laptops.md": 3,
     "docs/how-to/use-zenoh.md": 7,  # a router, and a machine with ROS 2
 }
 """Blocks that a test cannot run (virtual environments, other machines), counted for each page."""
