@@ -11,7 +11,7 @@ import time
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -67,17 +67,21 @@ def invert(node, name):
         say(f"{data} {future.result()}")
 
 
-def talk(node, topic, latched):
-    """Publish numbers until the end."""
-    durability = DurabilityPolicy.TRANSIENT_LOCAL if latched == "latched" else None
-    qos = QoSProfile(depth=10, durability=durability) if durability else 10
+def talk(node, topic, quality):
+    """Publish numbers until the end; `quality` is volatile, latched or best_effort."""
+    qos = QoSProfile(depth=10)
+    if quality == "latched":
+        qos.durability = DurabilityPolicy.TRANSIENT_LOCAL
+    if quality == "best_effort":
+        qos.reliability = ReliabilityPolicy.BEST_EFFORT
+    what = "number" if quality == "volatile" else quality
     publisher = node.create_publisher(String, topic, qos)
     publisher.publish(String(data="first"))
     say("ready")
     for number in range(500):
         time.sleep(0.1)
-        if latched != "latched":
-            publisher.publish(String(data=f"number {number}"))
+        if quality != "latched":
+            publisher.publish(String(data=f"{what} {number}"))
 
 
 def listen(node, topic, count):

@@ -12,6 +12,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -21,7 +22,14 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.errors import DeadlineExceeded, OutcomeUnknown, ServiceUnavailable, TypeMismatch
+from taskrpc.errors import (
+    DeadlineExceeded,
+    OutcomeUnknown,
+    PermissionDenied,
+    ServerBusy,
+    ServiceUnavailable,
+    TypeMismatch,
+)
 
 pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 
@@ -379,6 +387,78 @@ async def test_laptop_calls_the_robot_through_the_gateway(start, peer, monkeypat
         laptop.create_subscription(String, "/chat", got.put_nowait)
         async with asyncio.timeout(15):
             assert (await got.get()).data.startswith("number")
+
+
+async def test_reliable_laptop_gets_the_messages_of_all_publishers(start, peer):
+    for quality in ("volatile", "best_effort"):
+        peer("talk", "/chat", quality)
+    start("-m", "taskrpc", "bridge", "ros", "--allow-topic", "/chat", until="ready")
+    async with taskrpc.Node("laptop") as laptop:
+        got = asyncio.Queue()
+        laptop.create_subscription(String, "/chat", got.put_nowait)
+        found = set()
+        async with asyncio.timeout(20):
+            while found < {"number", "best_effort"}:
+                found.add((await got.get()).data.split()[0])
+
+
+async def test_class_calls_the_robot_through_a_gateway_with_tls_and_accounts(
+    start, peer, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    (tmp_path / "names.txt").write_text("ada\ngrace\n")
+    with socket.create_server(("127.0.0.1", 0)) as reserved:
+        place = f"127.0.0.1:{reserved.getsockname()[1]}"
+    classroom = [sys.executable, "-m", "taskrpc", "classroom", "--address", "127.0.0.1"]
+    students = ["--students", str(tmp_path / "names.txt")]
+    subprocess.run([*classroom, *students], check=True, timeout=60, capture_output=True)
+    folder = tmp_path / "taskrpc" / "classroom"
+    accounts = json.loads((folder / "accounts.json").read_text())
+    accounts["accounts"]["grace"]["role"] = "observe"
+    (folder / "accounts.json").write_text(json.dumps(accounts))
+    bridge = ["-m", "taskrpc", "bridge", "ros", "--listen", place, "--timeout", "2", "--rate", "5"]
+    bridge += ["--tls-cert", folder / "server.pem", "--tls-key", folder / "server.key"]
+    bridge += ["--accounts", folder / "accounts.json"]
+    for name in ("/ros_hello", "/ros_slow", "/ros_leave"):
+        bridge += ["--allow", name]
+    peer("serve")
+
+    async def laptop(stack, account):
+        return await stack.enter_async_context(
+            taskrpc.Node(
+                account,
+                peers=[place],
+                tls=taskrpc.Tls(ca=folder / "ca.pem"),
+                token=f"{account}.{accounts['accounts'][account]['secret']}",
+            )
+        )
+
+    gateway = start(*bridge, until="ready")
+    async with contextlib.AsyncExitStack() as stack:
+        ada, grace = await laptop(stack, "ada"), await laptop(stack, "grace")
+        hello = ada.create_client(Trigger, "/ros_hello")
+        assert await hello.wait_for_service(20)
+        assert (await hello.call(Trigger.Request())).message == "hello from ROS"
+        with pytest.raises(ServiceUnavailable):
+            await ada.create_client(SetBool, "/ros_invert").call(SetBool.Request())
+        with pytest.raises(PermissionDenied, match="the account grace has observe"):
+            await grace.create_client(Trigger, "/ros_hello").call(Trigger.Request())
+        calls = [hello.call(Trigger.Request()) for _ in range(9)]
+        ended = await asyncio.gather(*calls, return_exceptions=True)
+        refused = [each for each in ended if isinstance(each, ServerBusy)]
+        assert "at most 5 calls per second of one account" in str(refused[0])
+        await asyncio.sleep(1)
+        with pytest.raises(DeadlineExceeded, match="2 s, which is the gateway's --timeout"):
+            await ada.create_client(Trigger, "/ros_slow").call(Trigger.Request())
+        gateway.kill()
+        gateway.wait()
+        while hello.service_is_ready():
+            await asyncio.sleep(0.05)
+        start(*bridge, until="ready")
+        assert await hello.wait_for_service(20)
+        assert (await hello.call(Trigger.Request(), timeout=20)).message == "hello from ROS"
+        with pytest.raises(OutcomeUnknown):
+            await ada.create_client(Trigger, "/ros_leave").call(Trigger.Request(), timeout=20)
 
 
 def test_taskrpc_run_explains_that_its_rclpy_is_not_the_real_one(tmp_path):
