@@ -36,8 +36,8 @@ MAX_WARNINGS = 100
 any number of them."""
 
 
-class Place(msgspec.Struct, frozen=True):
-    """Where a publisher or subscription is in Zenoh and in the graph."""
+class TopicSetup(msgspec.Struct, frozen=True):
+    """The session of a publisher or subscription, and its keys."""
 
     session: zenoh.Session
     graph: Graph
@@ -56,27 +56,27 @@ class NativeTopic:
     """What it exchanges messages with."""
 
     def __init__(
-        self, place: Place, named: TopicEndpoint, on_mismatch: OnMismatch | None = None
+        self, setup: TopicSetup, named: TopicEndpoint, on_mismatch: OnMismatch | None = None
     ) -> None:
         self.named = named
         self.on_matched: Callable[[], object] = _nothing
-        self._place = place
+        self._setup = setup
         self._on_mismatch = on_mismatch
         self._warnings = 0
         self._loop = asyncio.get_running_loop()
-        self._token = place.session.liveliness().declare_token(place.token)
-        for token in place.graph.named(self.counterpart, named.name):
+        self._token = setup.session.liveliness().declare_token(setup.token)
+        for token in setup.graph.named(self.counterpart, named.name):
             self.appeared(token)
 
     @property
     def token(self) -> str:
         """The key of its liveliness token."""
-        return self._place.token
+        return self._setup.token
 
     @property
     def matched(self) -> int:
         """How many subscriptions or publishers it exchanges messages with."""
-        tokens = self._place.graph.named(self.counterpart, self.named.name)
+        tokens = self._setup.graph.named(self.counterpart, self.named.name)
         return sum(self._is_same_type(token) for token in tokens)
 
     def appeared(self, token: Token) -> None:
@@ -97,7 +97,7 @@ class NativeTopic:
     def close(self) -> None:
         """End it."""
         self._token.undeclare()
-        self._place.on_close(self)
+        self._setup.on_close(self)
 
     def _report(self) -> None:
         # The program may set `on_matched` after the match, in the same turn of the loop.
@@ -125,14 +125,14 @@ class ZenohPublisher(NativeTopic):
     counterpart = Kind.SUBSCRIPTION
 
     def __init__(
-        self, place: Place, named: TopicEndpoint, msg_type: Any, on_mismatch: OnMismatch | None
+        self, setup: TopicSetup, named: TopicEndpoint, msg_type: Any, on_mismatch: OnMismatch | None
     ) -> None:
         self.sent = 0
         self.lost = 0
         self._msg_type = msg_type
         self._gid = os.urandom(attachment.GID_SIZE)
-        self._publisher = _declare_publisher(place, named)
-        super().__init__(place, named, on_mismatch)
+        self._publisher = _declare_publisher(setup, named)
+        super().__init__(setup, named, on_mismatch)
 
     def encode(self, message: Any) -> bytes:
         """Return the message as CDR. Raises InvalidRequest."""
@@ -148,7 +148,7 @@ class ZenohPublisher(NativeTopic):
         """Forget the messages that are kept for later subscriptions."""
         if self.named.latched:
             self._publisher.undeclare()
-            self._publisher = _declare_publisher(self._place, self.named)
+            self._publisher = _declare_publisher(self._setup, self.named)
 
     def close(self) -> None:
         """End the publisher."""
@@ -156,21 +156,21 @@ class ZenohPublisher(NativeTopic):
         self._publisher.undeclare()
 
 
-def _declare_publisher(place: Place, named: TopicEndpoint) -> Any:
+def _declare_publisher(setup: TopicSetup, named: TopicEndpoint) -> Any:
     """Return a publisher of Zenoh; one with a cache for transient_local."""
     level, congestion = zenoh.Reliability, zenoh.CongestionControl
     reliability = level.RELIABLE if named.reliable else level.BEST_EFFORT
     # Reliable messages wait for room on the way to the router; others are dropped.
     control = congestion.BLOCK if named.reliable else congestion.DROP
     if not named.latched:
-        return place.session.declare_publisher(
-            place.key, congestion_control=control, reliability=reliability
+        return setup.session.declare_publisher(
+            setup.key, congestion_control=control, reliability=reliability
         )
     # Both arguments are required; exactly one of them may have a value.
     detection = ext.MissDetectionConfig(heartbeat=None, sporadic_heartbeat=HEARTBEAT)
     return ext.declare_advanced_publisher(
-        place.session,
-        place.key,
+        setup.session,
+        setup.key,
         congestion_control=control,
         reliability=reliability,
         cache=ext.CacheConfig(named.depth),
@@ -186,7 +186,7 @@ class ZenohSubscription(NativeTopic):
 
     def __init__(
         self,
-        place: Place,
+        setup: TopicSetup,
         handoff: Handoff,
         named: TopicEndpoint,
         msg_type: Any,
@@ -200,8 +200,8 @@ class ZenohSubscription(NativeTopic):
         """None once it is closed."""
         self._last: dict[bytes, int] = {}
         """The sequence number of the last message of each publisher, by its gid."""
-        self._subscriber = _declare_subscriber(place, named, handler(handoff, self._arrived))
-        super().__init__(place, named, on_mismatch)
+        self._subscriber = _declare_subscriber(setup, named, handler(handoff, self._arrived))
+        super().__init__(setup, named, on_mismatch)
 
     def close(self) -> None:
         """End the subscription."""
@@ -231,14 +231,14 @@ class ZenohSubscription(NativeTopic):
             del self._last[next(iter(self._last))]
 
 
-def _declare_subscriber(place: Place, named: TopicEndpoint, arrived: Any) -> Any:
+def _declare_subscriber(setup: TopicSetup, named: TopicEndpoint, arrived: Any) -> Any:
     """Return a subscriber of Zenoh; one that asks for earlier messages for transient_local."""
     if not named.latched:
-        return place.session.declare_subscriber(place.key, arrived)
+        return setup.session.declare_subscriber(setup.key, arrived)
     recovery = ext.RecoveryConfig(periodic_queries=None, heartbeat=True)
     return ext.declare_advanced_subscriber(
-        place.session,
-        place.key,
+        setup.session,
+        setup.key,
         arrived,
         history=ext.HistoryConfig(detect_late_publishers=True, max_samples=named.depth),
         recovery=recovery if named.reliable else None,

@@ -40,7 +40,12 @@ from taskrpc.transport.zenoh.tokens import (
     Token,
     all_tokens,
 )
-from taskrpc.transport.zenoh.topics import NativeTopic, Place, ZenohPublisher, ZenohSubscription
+from taskrpc.transport.zenoh.topics import (
+    NativeTopic,
+    TopicSetup,
+    ZenohPublisher,
+    ZenohSubscription,
+)
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
 _Topic = TypeVar("_Topic", bound=NativeTopic)
@@ -389,8 +394,8 @@ class ZenohEngine:
         self, named: TopicEndpoint, msg_type: Any, on_mismatch: OnMismatch | None
     ) -> TopicPublisher:
         """Create a native publisher."""
-        place = self._topic_place(Kind.PUBLISHER, named)
-        return self._added(ZenohPublisher(place, named, msg_type, on_mismatch))
+        setup = self._topic_setup(Kind.PUBLISHER, named)
+        return self._added(ZenohPublisher(setup, named, msg_type, on_mismatch))
 
     def create_subscription(
         self,
@@ -400,14 +405,14 @@ class ZenohEngine:
         on_mismatch: OnMismatch | None,
     ) -> TopicSubscription:
         """Create a native subscription."""
-        place, handoff = self._topic_place(Kind.SUBSCRIPTION, named), self._handoff
-        subscription = ZenohSubscription(place, handoff, named, msg_type, deliver, on_mismatch)
+        setup, handoff = self._topic_setup(Kind.SUBSCRIPTION, named), self._handoff
+        subscription = ZenohSubscription(setup, handoff, named, msg_type, deliver, on_mismatch)
         return self._added(subscription)
 
-    def _topic_place(self, kind: Kind, named: TopicEndpoint) -> Place:
+    def _topic_setup(self, kind: Kind, named: TopicEndpoint) -> TopicSetup:
         qos = Qos(named.reliable, named.latched, named.depth)
         token, removed = self._token(kind, named, qos), self._topic_closed
-        return Place(self._session, self._graph, self._data_key(named), token, removed)
+        return TopicSetup(self._session, self._graph, self._data_key(named), token, removed)
 
     def _added(self, topic: _Topic) -> _Topic:
         # Now, so that counterparts of this program count at once.
