@@ -20,6 +20,7 @@ from taskrpc.security.roles import Role
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.wire.frames import Body
+from taskrpc.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
     from taskrpc.observer import Observer
@@ -185,3 +186,23 @@ class TopicSubscription(Protocol):
 
     def close(self) -> None:
         """End the subscription."""
+
+
+class NativeTopics(Protocol):
+    """The topics that a middleware itself has."""
+
+    def create_publisher(
+        self, named: TopicEndpoint, msg_type: Any, on_mismatch: OnMismatch | None
+    ) -> TopicPublisher:
+        """Create a native publisher. Raises TaskRpcError if the middleware cannot."""
+
+    def create_subscription(
+        self,
+        named: TopicEndpoint,
+        msg_type: Any,
+        deliver: Deliver,
+        on_mismatch: OnMismatch | None,
+    ) -> TopicSubscription:
+        """Create a native subscription; `deliver(body, number)` gets the body as its publisher's
+        `encode` returned it, or as the middleware encodes it: only `decode` reads it.
+        """

@@ -20,10 +20,10 @@ from typing import Any, Protocol, runtime_checkable
 import msgspec
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.transport.base import Deliver, OnDone, OnMismatch, TopicPublisher, TopicSubscription
+from taskrpc.transport.base import NativeTopics, OnDone
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry
-from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
+from taskrpc.wire.messages import ServiceEndpoint
 
 
 class ForeignServer(msgspec.Struct, frozen=True):
@@ -123,7 +123,7 @@ class Engine(Protocol):
 
 
 @runtime_checkable
-class NativeEngine(Engine, Protocol):
+class NativeEngine(Engine, NativeTopics, Protocol):
     """An engine whose middleware has services and topics of its own."""
 
     def update(self, change: EntryChange) -> None:
@@ -156,20 +156,4 @@ class NativeEngine(Engine, Protocol):
 
         The error is a TaskRpcError: InvalidRequest for a request that cannot be sent,
         OutcomeUnknown if the server went. The call has no deadline; the tunnel cancels it.
-        """
-
-    def create_publisher(
-        self, named: TopicEndpoint, msg_type: Any, on_mismatch: OnMismatch | None
-    ) -> TopicPublisher:
-        """Create a native publisher. Raises TaskRpcError if the middleware cannot."""
-
-    def create_subscription(
-        self,
-        named: TopicEndpoint,
-        msg_type: Any,
-        deliver: Deliver,
-        on_mismatch: OnMismatch | None,
-    ) -> TopicSubscription:
-        """Create a native subscription; `deliver(body, number)` gets the body as its publisher's
-        `encode` returned it, or as the middleware encodes it: only `decode` reads it.
         """

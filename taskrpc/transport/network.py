@@ -8,23 +8,16 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
 import srvgen
 from taskrpc.errors import ServiceUnavailable, TaskRpcError, TypeMismatch
-from taskrpc.transport.base import (
-    Deliver,
-    Offer,
-    OnMismatch,
-    TopicPublisher,
-    TopicSubscription,
-)
+from taskrpc.transport.base import NativeTopics, Offer
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.wire.handshake import PeerCredentials
-from taskrpc.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
     from taskrpc.security.accounts import AccountSource
@@ -57,7 +50,7 @@ class Address(msgspec.Struct, frozen=True):
 Factory = Callable[[], asyncio.BufferedProtocol]
 
 
-class NativeSide(Protocol):
+class NativeSide(NativeTopics, Protocol):
     """A middleware's own services and topics, which programs without taskrpc use too."""
 
     def offer(self, offer: Offer) -> None:
@@ -71,20 +64,6 @@ class NativeSide(Protocol):
 
     def add_type(self, srv_type: ServiceType) -> None:
         """Note a class with which this program calls; native servers may have the same type."""
-
-    def create_publisher(
-        self, named: TopicEndpoint, msg_type: Any, on_mismatch: OnMismatch | None
-    ) -> TopicPublisher:
-        """Create a publisher. Raises TaskRpcError if the middleware cannot."""
-
-    def create_subscription(
-        self,
-        named: TopicEndpoint,
-        msg_type: Any,
-        deliver: Deliver,
-        on_mismatch: OnMismatch | None,
-    ) -> TopicSubscription:
-        """Create a subscription. Raises TaskRpcError if the middleware cannot."""
 
 
 class Network(Protocol):
