@@ -17,7 +17,7 @@ from hypothesis import settings
 from srvgen.classes import loader
 from taskrpc.testing import VirtualTimeLoop
 from tests.faults.harness import HAPPENED
-from tests.postgres import own_cluster, postgres_url, shared_cluster  # noqa: F401 - fixtures
+from tests.postgres import own_cluster, pgbouncer, postgres_url, shared_cluster  # noqa: F401 - fixtures
 
 LEFT_OUT = ("browser", "faults", "interop", "postgres", "types")
 """Marks, and the folders of their tests, that the plain run leaves out."""

@@ -10,6 +10,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import pytest
@@ -178,3 +179,42 @@ def own_cluster():
     """A running PostgreSQL that the test may kill."""
     with _running_cluster() as cluster:
         yield cluster
+
+
+@pytest.fixture
+def pgbouncer(postgres_url, shared_cluster):
+    """Returns a function that starts a PgBouncer in a pool mode and returns the URL through it."""
+    program = shutil.which("pgbouncer") or shutil.which("pgbouncer", path="/usr/sbin")
+    if program is None:
+        pytest.skip("PgBouncer is not installed: apt-get install pgbouncer")
+    folder = Path(tempfile.mkdtemp(prefix="taskrpc-pgbouncer-"))
+    started = []
+
+    def start(mode: str) -> str:
+        with socket.socket() as free:
+            free.bind(("127.0.0.1", 0))
+            port = free.getsockname()[1]
+        settings = folder / f"{mode}.ini"
+        settings.write_text(
+            f"[databases]\n* = host=127.0.0.1 port={shared_cluster.port} user={_USER}\n"
+            f"[pgbouncer]\nlisten_addr = 127.0.0.1\nlisten_port = {port}\nauth_type = any\n"
+            f"unix_socket_dir =\npool_mode = {mode}\ndefault_pool_size = 20\n"
+        )
+        if os.geteuid() == 0:
+            shutil.chown(folder, "postgres")
+            shutil.chown(settings, "postgres")
+        with (folder / "log").open("ab") as log:
+            command = [*Cluster._as_user(), program, "-q", settings]
+            started.append(subprocess.Popen(command, stdout=log, stderr=log))
+        for _ in range(500):
+            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), 1):
+                break
+            assert started[-1].poll() is None, (folder / "log").read_text()
+            time.sleep(0.01)
+        return postgres_url.replace(f":{shared_cluster.port}/", f":{port}/")
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait(10)
+    shutil.rmtree(folder, ignore_errors=True)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
 import re
 import socket
 import sys
-from collections.abc import Awaitable
+from collections.abc import Awaitable, Mapping
 from typing import Any, TypeAlias, TypeVar
 
 from taskrpc.errors import StoreError, TaskRpcError
@@ -69,11 +70,14 @@ class DatabaseUrl:
             example = "postgresql://USER:PASSWORD@HOST:5432/DATABASE"
             reason = _without(url, str(error))
             raise TaskRpcError(f"--db: expected a URL such as {example}: {reason}") from None
-        self._password = str(parts.get("password") or "")
-        host, port = parts.get("host") or "localhost", parts.get("port") or 5432
-        user = f"{parts['user']}@" if parts.get("user") else ""
-        self.shown = f"postgresql://{user}{host}:{port}/{parts.get('dbname') or ''}"
-        """The URL without the password and the parameters."""
+        own = {name: str(value) for name, value in parts.items() if value}
+        used = {**_defaults(own.get("service", "")), **own}
+        if "host" in own:  # an address from elsewhere would be that of another host
+            used["hostaddr"] = own.get("hostaddr", "")
+        self._has_password = "password" in own
+        self._password = used.get("password", "")
+        self.shown = _shown(used)
+        """Where connections go, by the URL, the environment and the service file; no password."""
 
     def __str__(self) -> str:
         return self.shown
@@ -81,7 +85,7 @@ class DatabaseUrl:
     @property
     def has_password(self) -> bool:
         """Whether the URL itself contains a password."""
-        return bool(self._password)
+        return self._has_password
 
     async def connect(self, name: str) -> Connection:
         """Return a new connection with this application name. Raises StoreError."""
@@ -114,6 +118,37 @@ class DatabaseUrl:
     def without_password(self, text: str) -> str:
         """Return a text without the password."""
         return text.replace(self._password, "***") if self._password else text
+
+
+def _defaults(service: str) -> dict[str, str]:
+    """Return libpq's defaults, by its environment variables and the section of its service file.
+
+    libpq itself reads both, so that no rule of theirs is repeated here.
+    """
+    before = os.environ.get("PGSERVICE")
+    try:
+        if service:
+            os.environ["PGSERVICE"] = service
+        options = psycopg.pq.Conninfo.get_defaults()
+    finally:
+        if service:
+            os.environ.pop("PGSERVICE")
+            if before is not None:
+                os.environ["PGSERVICE"] = before
+    return {option.keyword.decode(): option.val.decode() for option in options if option.val}
+
+
+def _shown(used: Mapping[str, str]) -> str:
+    user = f"{used['user']}@" if used.get("user") else ""
+    database = used.get("dbname") or used.get("user") or ""
+    hosts = (used.get("host") or used.get("hostaddr") or "").split(",")
+    ports = (used.get("port") or "5432").split(",")
+    ports *= len(hosts) if len(ports) == 1 else 1
+    if hosts[0].startswith(("/", "@")) or not hosts[0]:  # a Unix socket, not a machine
+        folder = f" in {hosts[0]}" if hosts[0] else ""
+        return f"postgresql://{user}/{database} at the local socket{folder}, port {ports[0]},"
+    places = ",".join(f"{host}:{port}" for host, port in zip(hosts, ports, strict=False))
+    return f"postgresql://{user}{places}/{database}"
 
 
 def _check_credentials(url: str) -> None:
@@ -151,6 +186,10 @@ _HINTS = (
     (r"permission denied for schema", "give this user the right to create tables there"),
     (r"permission denied|must be owner", "let the servers use the user that created the tables"),
     (r"resolve|not known", "correct the host in --db"),
+    (r"definition of service", "correct the service in --db or PGSERVICE"),
+    (r"statement pooling", "set pool_mode = session in PgBouncer, or connect to PostgreSQL itself"),
+    (r"No space left|could not extend", "free space on the disk of PostgreSQL"),
+    (r"read-only transaction", "connect to the primary: add ?target_session_attrs=read-write"),
 )
 
 
@@ -175,6 +214,40 @@ def _check_loop() -> None:
 def is_lost(connection: Connection, error: BaseException) -> bool:
     """Return whether an error means that the connection is gone, not that a statement is wrong."""
     return connection.closed or connection.broken or isinstance(error, TimeoutError)
+
+
+async def check_pooling(url: DatabaseUrl) -> None:
+    """Refuse a pool that gives each transaction another session, such as PgBouncer can do.
+
+    There, LISTEN and the settings of the session would silently not work. Raises StoreError.
+    """
+    first = await url.connect("taskrpc pooling")
+    second = None
+    try:
+        session = await answered(first, _session(first))
+        if session == first.info.backend_pid:
+            return  # a pool tells its clients other numbers than PostgreSQL does
+        second = await url.connect("taskrpc pooling")
+        await answered(second, second.execute("BEGIN"))
+        others = await answered(second, _session(second))
+        if others == session or await answered(first, _session(first)) != session:
+            raise StoreError(
+                f"{url}: expected a connection of its own, got a connection pool in transaction"
+                " mode, in which LISTEN does not work; set pool_mode = session in PgBouncer, or"
+                " connect to PostgreSQL itself"
+            )
+    except FAILURES as error:
+        raise url.error("cannot be used", error) from error
+    finally:
+        await close(second)
+        await close(first)
+
+
+async def _session(connection: Connection) -> int:
+    """Return the number of the PostgreSQL process that serves a connection at present."""
+    row = await (await connection.execute("SELECT pg_backend_pid()")).fetchone()
+    assert row is not None, "the statement has one row"
+    return int(row[0])
 
 
 async def answered(connection: Connection, work: Awaitable[T]) -> T:

@@ -30,6 +30,7 @@ from taskrpc.fleet.postgres_connection import (
     Connection,
     DatabaseUrl,
     answered,
+    check_pooling,
     close,
     is_lost,
 )
@@ -424,6 +425,7 @@ class PostgresStore(FleetStore):
         """Create or upgrade the tables, once. Raises StoreError."""
         if self._is_prepared:
             return
+        await check_pooling(self.url)
         connection = await self.url.connect("taskrpc schema")
         try:
             await answered(connection, prepare(connection))

@@ -1,4 +1,5 @@
 import asyncio
+import os
 
 import pytest
 
@@ -39,6 +40,58 @@ def test_unquoted_sign_in_the_password_is_explained_without_the_password(passwor
     with pytest.raises(TaskRpcError, match="write / as %2F and @ as %40 in it") as caught:
         DatabaseUrl(f"postgresql://ann:{password}@db.lab/fleet")
     assert SECRET not in str(caught.value)
+
+
+@pytest.fixture
+def environment(monkeypatch):
+    """Returns a function that sets libpq's variables; all others are unset."""
+    for name in [each for each in os.environ if each.startswith("PG")]:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("PGUSER", "ann")
+
+    def change(**values):
+        for name, value in values.items():
+            monkeypatch.setenv(name, str(value))
+
+    return change
+
+
+def test_url_is_shown_with_the_host_that_the_environment_names(environment):
+    environment(PGHOST="db.lab", PGPORT="6000", PGDATABASE="robots", PGPASSWORD=SECRET)
+    url = DatabaseUrl("postgresql://")
+    assert str(url) == "postgresql://ann@db.lab:6000/robots"
+    assert not url.has_password  # nobody can read it in the arguments of a command
+    assert url.without_password(SECRET) == "***"
+    assert str(DatabaseUrl("postgresql://bob@other/fleet")) == "postgresql://bob@other:6000/fleet"
+
+
+def test_url_is_shown_with_the_host_of_the_service_file(environment, tmp_path):
+    services = tmp_path / "services"
+    services.write_text(f"[lab]\nhost=db.lab\nport=6000\ndbname=fleet\npassword={SECRET}\n")
+    environment(PGSERVICEFILE=services)
+    for url in ("postgresql:///?service=lab", "postgresql://"):
+        assert str(DatabaseUrl(url)) == "postgresql://ann@db.lab:6000/fleet"
+        assert DatabaseUrl(url).without_password(SECRET) == "***"
+        assert os.environ.get("PGSERVICE") in (None, "lab")
+        environment(PGSERVICE="lab")
+    assert str(DatabaseUrl("postgresql://1.2.3.4/x")) == "postgresql://ann@1.2.3.4:6000/x"
+
+
+def test_all_hosts_of_a_url_are_shown(environment):
+    url = DatabaseUrl("postgresql://a:1,b:2/fleet?target_session_attrs=read-write")
+    assert str(url) == "postgresql://ann@a:1,b:2/fleet"
+    assert (
+        str(DatabaseUrl("postgresql:///fleet?host=a,b")) == "postgresql://ann@a:5432,b:5432/fleet"
+    )
+
+
+def test_local_socket_is_not_called_localhost(environment):
+    assert str(DatabaseUrl("postgresql:///fleet")) == (
+        "postgresql://ann@/fleet at the local socket, port 5432,"
+    )
+    assert str(DatabaseUrl("postgresql:///fleet?host=/run/x&port=6")) == (
+        "postgresql://ann@/fleet at the local socket in /run/x, port 6,"
+    )
 
 
 def test_quoted_signs_in_the_url_are_accepted():
@@ -111,3 +164,22 @@ async def test_connection_that_does_not_answer_is_cut(postgres_url, monkeypatch)
     with pytest.raises(Exception, match=r"closed|lost|terminat|consuming"):
         await answered(connection, connection.execute("SELECT pg_sleep(5)"))
     assert connection.closed
+
+
+@pytest.mark.postgres
+@pytest.mark.real_time
+async def test_pool_in_transaction_mode_is_refused_and_in_session_mode_is_used(pgbouncer):
+    store = PostgresStore(pgbouncer("transaction"))
+    with pytest.raises(StoreError, match=r"a connection pool in transaction mode.*pool_mode ="):
+        await store.refresh()
+    await store.close()
+    stores = [PostgresStore(pgbouncer("session")) for _ in range(2)]
+    await stores[0].refresh()
+    await stores[1].refresh()
+    await asyncio.sleep(0.3)
+    await stores[0].transact(lambda state, now: state.set_meta(next_id=7))
+    async with asyncio.timeout(5):
+        while stores[1].state.meta.next_id != 7:
+            await asyncio.sleep(0.01)
+    for store in stores:
+        await store.close()
