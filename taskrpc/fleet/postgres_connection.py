@@ -183,6 +183,11 @@ _HINTS = (
     ),
     (r"password", "correct the user and the password in --db, or set PGPASSWORD"),
     (r"database.*does not exist", "create it with: createdb --owner USER DATABASE"),
+    (
+        r'relation "taskrpc_',
+        "the tables were deleted while this server ran: restore a backup, or start the server"
+        " again to begin without tasks",
+    ),
     (r"permission denied for schema", "give this user the right to create tables there"),
     (r"permission denied|must be owner", "let the servers use the user that created the tables"),
     (r"resolve|not known", "correct the host in --db"),

@@ -165,6 +165,8 @@ class PostgresStore(FleetStore):
         self._store_id = b""
         self._known = -1
         """The revision up to which the copy has all rows; -1 before the first reading."""
+        self._is_other_database = True
+        """Whether a new connection may lead to another database, of which nothing is read yet."""
         self._clock: tuple[float, float] | None = None
         """The database's clock, and the loop's clock at the same time."""
 
@@ -175,6 +177,15 @@ class PostgresStore(FleetStore):
             return time.time()
         database, loop = self._clock
         return database + asyncio.get_running_loop().time() - loop
+
+    @property
+    def _since(self) -> int:
+        """The revision after which rows must be read; -1 for all rows.
+
+        After a failover, a replica may lack the newest transactions and have others with the same
+        revisions. So each new connection reads everything.
+        """
+        return -1 if self._is_other_database else self._known
 
     async def store_id(self) -> bytes:
         """Return the id that all servers of the database share. Raises StoreError."""
@@ -230,12 +241,12 @@ class PostgresStore(FleetStore):
             await connection.execute("BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY")
             fleet = await connection.execute(_LOOK)
             clock = await connection.execute(_CLOCK)
-            tasks = await connection.execute(_TASKS, (self._known,))
-            robots = await connection.execute(_ROBOTS, (self._known,))
+            tasks = await connection.execute(_TASKS, (self._since,))
+            robots = await connection.execute(_ROBOTS, (self._since,))
             await connection.execute("COMMIT")
-        before = self._known
+        before, is_other = self._known, self._is_other_database
         changed = await self._take_over(fleet, clock, tasks, robots)
-        return changed if self._known != before else None
+        return changed if is_other or self._known != before else None
 
     async def _take_over(self, fleet: Any, clock: Any, tasks: Any, robots: Any) -> list[int]:
         """Bring the copy up to date with the rows of these cursors."""
@@ -246,7 +257,7 @@ class PostgresStore(FleetStore):
         check_version(version)
         loop = asyncio.get_running_loop().time()
         self._clock = (await clock.fetchone())[0], loop
-        if self._store_id not in (b"", store_id) or revision < self._known:
+        if self._store_id not in (b"", store_id) or revision < self._since:
             # Another server has cleared the tasks, or an older backup was restored.
             self.state.forget_all()
             self._store_id, self._known = store_id, -1
@@ -261,8 +272,11 @@ class PostgresStore(FleetStore):
                 f" read: {error}; restore a backup"
             ) from None
         # Only now: without these rows, the copy must not count as up to date.
-        self._store_id, self._known = store_id, revision
-        return self.state.replace(meta, new_tasks, new_robots)
+        before = list(self.state.tasks) if self._is_other_database else []
+        if self._is_other_database:
+            self.state.forget_all()
+        self._store_id, self._known, self._is_other_database = store_id, revision, False
+        return list(dict.fromkeys([*before, *self.state.replace(meta, new_tasks, new_robots)]))
 
     # Transactions
 
@@ -305,8 +319,8 @@ class PostgresStore(FleetStore):
             await connection.execute("BEGIN ISOLATION LEVEL READ COMMITTED")
             fleet = await connection.execute(_LOCK)
             clock = await connection.execute(_CLOCK)
-            tasks = await connection.execute(_TASKS, (self._known,))
-            robots = await connection.execute(_ROBOTS, (self._known,))
+            tasks = await connection.execute(_TASKS, (self._since,))
+            robots = await connection.execute(_ROBOTS, (self._since,))
             found = await connection.execute(_COMPLETED, _columns(requests)) if requests else None
         changed = await self._take_over(fleet, clock, tasks, robots)
         completed = {}
@@ -440,6 +454,7 @@ class PostgresStore(FleetStore):
         if self._connection is None or self._connection.closed:
             await self._prepared()
             self._connection = await self.url.connect(self._writer_name)
+            self._is_other_database = True
             if self._listen and self._listening is None:
                 self._listening = asyncio.create_task(self._listen_for_ever())
         return self._connection

@@ -193,6 +193,7 @@ class FleetState:
     def forget_all(self) -> None:
         """Forget everything, before all rows are read again."""
         fresh = FleetState(keep_ended=self.keep_ended)
+        fresh.plan_version = self.plan_version + 1  # else an old plan could count as this one's
         self.__dict__.update(fresh.__dict__)
 
     def _change_task(self, task_id: int, task: Task | None) -> None:

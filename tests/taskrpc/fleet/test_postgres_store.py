@@ -131,6 +131,42 @@ async def test_transaction_is_repeated_when_the_database_was_restarted(own_clust
     await store.close()
 
 
+async def test_copy_follows_a_replica_that_lacks_the_newest_transactions(own_cluster):
+    store = PostgresStore(own_cluster.url(), listen=False)
+    for number in (1, 2, 3):
+        await store.transact(put(number))
+    # As after a failover: transactions 2 and 3 are lost, and others have their numbers.
+    own_cluster.execute("DELETE FROM taskrpc_task WHERE task_id IN (2, 3)")
+    other = PostgresStore(own_cluster.url(), listen=False)
+    own_cluster.execute("UPDATE taskrpc_fleet SET revision = 1")
+    for number in (7, 8, 9):
+        await other.transact(put(number))
+    own_cluster.kill()
+    await asyncio.to_thread(own_cluster.start)
+    await store.refresh()
+    assert sorted(store.state.tasks) == [1, 7, 8, 9]
+    await store.close()
+    await other.close()
+
+
+async def test_database_that_is_created_again_is_not_filled_without_the_operator(own_cluster):
+    own_cluster.execute("CREATE DATABASE fleet")
+    store = PostgresStore(own_cluster.url("fleet"))
+    await store.transact(put(1))
+    own_cluster.execute("DROP DATABASE fleet WITH (FORCE)")
+    with pytest.raises(StoreError, match=r'database "fleet" does not exist; create it with'):
+        await store.refresh()
+    own_cluster.execute("CREATE DATABASE fleet")
+    with pytest.raises(StoreError, match=r"were deleted while this server ran: restore a backup"):
+        await store.transact(put(2))
+    assert sorted(store.state.tasks) == [1]  # lists still show the last known tasks
+    await store.close()
+    again = PostgresStore(own_cluster.url("fleet"), listen=False)
+    await again.transact(put(2))
+    assert sorted((await again.load()).tasks) == [task(2)]
+    await again.close()
+
+
 async def test_copy_is_read_at_once_when_the_database_was_restarted(own_cluster):
     store = PostgresStore(own_cluster.url())
     await store.transact(put(1))

@@ -145,3 +145,11 @@ def test_undone_transaction_leaves_no_trace(before, after, more):
         each.task_id
         for each in sorted(state.queued(), key=lambda each: (each.order_key, each.task_id))
     ]
+
+
+def test_plan_of_forgotten_tasks_is_invalid():
+    state = state_of(task(1), robot("a"))
+    before = state.plan_version
+    state.forget_all()
+    assert state.plan_version > before
+    assert not state.tasks
