@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from taskrpc.errors import TaskRpcError
+from taskrpc.transport.tcp.tcp_network import is_loopback as is_loopback_host
 
 DEFAULT_PORT = 7447
 DEFAULT_ROUTER = f"tcp/localhost:{DEFAULT_PORT}"
@@ -126,4 +127,4 @@ def locator(place: str) -> str:
 def is_loopback(place: str) -> bool:
     """Whether only programs of this machine reach the address of a locator."""
     host = place.partition("/")[2].rpartition(":")[0].strip("[]")
-    return host in {"localhost", "::1"} or host.startswith("127.")
+    return is_loopback_host(host)

@@ -119,6 +119,7 @@ def test_a_router_listens_at_its_address_and_does_not_wait_for_others():
         ("tcp/0.0.0.0:7447", False),
         ("tcp/[::]:7447", False),
         ("tls/robot:7447", False),
+        ("tcp/127.robot.example:7447", False),
     ],
 )
 def test_a_router_beyond_this_machine_is_recognised(place, loopback):
