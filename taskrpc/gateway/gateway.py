@@ -11,7 +11,14 @@ from typing import Any
 import srvgen
 from taskrpc.client import Client
 from taskrpc.deferred import DeferredCall, DeferredService
-from taskrpc.errors import DeadlineExceeded, NameInUse, OutcomeUnknown, ServerBusy, TaskRpcError
+from taskrpc.errors import (
+    DeadlineExceeded,
+    NameInUse,
+    OutcomeUnknown,
+    ServerBusy,
+    TaskRpcError,
+    TypeMismatch,
+)
 from taskrpc.gateway.account_limits import AccountLimits
 from taskrpc.gateway.allowed import Allowed
 from taskrpc.gateway.robot_topics import RobotTopic, topics_of
@@ -108,7 +115,7 @@ class Gateway:
             cls = srvgen.define(type_name, text)
             self._offered[found.name] = _Service(self, found, cls)
         except (TaskRpcError, srvgen.DefinitionError) as error:
-            self._report(found.name, error)
+            self.report("offer", found.name, error)
         else:
             self._reported.pop(found.name, None)
             log.info("offering %s [%s]", found.name, type_name)
@@ -120,17 +127,18 @@ class Gateway:
                 raise TaskRpcError(f"the robot has another definition of {found.type_name}")
             self._published[found.name] = _Topic(self, found, cls)
         except (TaskRpcError, srvgen.DefinitionError) as error:
-            self._report(found.name, error)
+            self.report("offer", found.name, error)
         else:
             self._reported.pop(found.name, None)
             log.info("offering the topic %s [%s]", found.name, found.type_name)
 
-    def _report(self, name: str, error: Exception) -> None:
+    def report(self, what: str, name: str, error: Exception) -> None:
+        """Log a problem with a service or topic, unless it was the last one that was logged."""
         problem = str(error)
         if self._reported.get(name) != problem:
             self._reported[name] = problem
             again = "; trying again" if isinstance(error, NameInUse) else ""
-            log.warning("cannot offer %s: %s%s", name, problem, again)
+            log.warning("cannot %s %s: %s%s", what, name, problem, again)
 
     def close(self) -> None:
         """Withdraw everything."""
@@ -222,6 +230,8 @@ class _Service:
             text = f"{self._found.name} did not respond {limit}; the call {fate}"
             call.fail(DeadlineExceeded(text, not_executed=error.not_executed))
         elif isinstance(error, TaskRpcError):
+            if isinstance(error, TypeMismatch):  # all calls fail: the operator must know
+                self._gateway.report("call", self._found.name, error)
             call.fail(error)
         else:
             log.error("the call to %s failed:", self._found.name, exc_info=error)

@@ -284,7 +284,8 @@ class RosEngine:
         self, named: TopicEndpoint, msg_type: Any, on_mismatch: OnMismatch | None
     ) -> NativePublisher:
         """Create a publisher on ROS 2."""
-        node, carrier = self._node_of(named.node), self._carrier(named, msg_type)
+        problem = f"ROS programs do not see {named.name}"
+        node, carrier = self._node_of(named.node), self._carrier(msg_type, problem)
         return NativePublisher(
             self._ros, node, named, carrier, on_mismatch, self._handoff, self._ending
         )
@@ -297,16 +298,17 @@ class RosEngine:
         on_mismatch: OnMismatch | None,
     ) -> NativeSubscription:
         """Create a subscription on ROS 2."""
-        node, carrier = self._node_of(named.node), self._carrier(named, msg_type)
+        problem = f"no messages of ROS programs arrive on {named.name}"
+        node, carrier = self._node_of(named.node), self._carrier(msg_type, problem)
         return NativeSubscription(
             self._ros, node, named, carrier, deliver, on_mismatch, self._handoff
         )
 
-    def _carrier(self, named: TopicEndpoint, msg_type: Any) -> Carrier:
+    def _carrier(self, msg_type: Any, problem: str) -> Carrier:
         try:
             ros_type = types.ros_message(msg_type)
         except (TypeMismatch, srvgen.DefinitionError) as error:
-            self._warn_once(msg_type._TYPE, f"ROS programs do not see {named.name}", error)
+            self._warn_once(msg_type._TYPE, problem, error)
             ros_type = None
         return Carrier(self._ros, msg_type, ros_type, self._bytes_class)
 

@@ -10,7 +10,13 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.errors import DeadlineExceeded, OutcomeUnknown, ServerBusy, ServiceUnavailable
+from taskrpc.errors import (
+    DeadlineExceeded,
+    OutcomeUnknown,
+    ServerBusy,
+    ServiceUnavailable,
+    TypeMismatch,
+)
 from taskrpc.gateway import AccountLimits, Allowed, Gateway
 from taskrpc.gateway.gateway import LOOK
 from taskrpc.transport import shared_endpoint
@@ -255,3 +261,16 @@ async def test_latched_messages_of_the_robot_reach_later_laptops(lab):
     got = asyncio.Queue()
     lab.laptop.create_subscription(String, "/arm/status", got.put_nowait, latched)
     assert (await got.get()).data == "map"
+
+
+async def test_type_that_the_robot_cannot_use_is_logged_once_for_the_operator(lab, caplog):
+    def refuse(deferred):
+        deferred.fail(TypeMismatch("ROS has not built the package arm_msgs"))
+
+    lab.robot.create_deferred_service(Trigger, "/arm/open", refuse)
+    await asyncio.sleep(3 * LOOK)
+    client = lab.laptop.create_client(Trigger, "/arm/open")
+    for _ in range(2):
+        with pytest.raises(TypeMismatch, match="has not built the package arm_msgs"):
+            await client.call(Trigger.Request())
+    assert caplog.text.count("cannot call /arm/open: ROS has not built the package arm_msgs") == 1

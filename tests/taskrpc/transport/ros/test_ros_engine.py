@@ -91,6 +91,26 @@ async def test_ros_program_calls_a_service(ros):
         assert future.result().message == "hello"
 
 
+@pytest.mark.parametrize(
+    ("create", "problem"),
+    [
+        (
+            lambda made, cls: made.create_publisher(cls, "/x"),
+            "ROS programs do not see /x: ROS has not",
+        ),
+        (
+            lambda made, cls: made.create_subscription(cls, "/x", print),
+            "no messages of ROS programs arrive on /x: ROS has not",
+        ),
+    ],
+)
+async def test_topic_whose_package_is_not_built_is_reported(ros, caplog, create, problem):
+    door = srvgen.define("door_msgs/msg/Door", "int32 angle\n")
+    async with node("arm") as made:
+        create(made, door)
+        assert problem in caplog.text
+
+
 async def test_package_that_is_not_built_is_reported_once(ros, caplog):
     async with node("server") as server:
         server.create_service(AddTwoInts, "/add", _add)
