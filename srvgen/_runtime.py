@@ -632,6 +632,9 @@ class _Namespace:
 
 RequestT = TypeVar("RequestT")
 ResponseT = TypeVar("ResponseT")
+GoalT = TypeVar("GoalT")
+ResultT = TypeVar("ResultT")
+FeedbackT = TypeVar("FeedbackT")
 
 if TYPE_CHECKING:
 
@@ -640,11 +643,21 @@ if TYPE_CHECKING:
 
         @classmethod
         def _types(cls, request: RequestT, response: ResponseT) -> tuple[RequestT, ResponseT]: ...
+
+    class _TypedAction(Generic[GoalT, ResultT, FeedbackT]):
+        """Tells type checkers the message classes of an action."""
+
+        @classmethod
+        def _types(
+            cls, goal: GoalT, result: ResultT, feedback: FeedbackT
+        ) -> tuple[GoalT, ResultT, FeedbackT]: ...
 else:
 
     class _Typed:
         # Generic would add public names and a longer MRO to every service class.
         __class_getitem__ = classmethod(lambda cls, messages: cls)
+
+    _TypedAction = _Typed
 
 
 class Service(_Namespace, _Typed[RequestT, ResponseT]):
@@ -656,7 +669,10 @@ class Service(_Namespace, _Typed[RequestT, ResponseT]):
     _KIND = "Service"
 
 
-class Action(_Namespace):
-    """The base of action classes, which only hold `Goal`, `Result`, `Feedback` and `Impl`."""
+class Action(_Namespace, _TypedAction[GoalT, ResultT, FeedbackT]):
+    """The base of action classes, which only hold `Goal`, `Result`, `Feedback` and `Impl`.
+
+    Generated code has the message classes in brackets, for type checkers.
+    """
 
     _KIND = "Action"

@@ -14,6 +14,11 @@ if TYPE_CHECKING:
     from taskrpc import metrics as metrics
     from taskrpc import sync as sync
     from taskrpc import testing as testing
+    from taskrpc.actions.client import ActionClient
+    from taskrpc.actions.goal_handle import GoalHandle
+    from taskrpc.actions.server import ActionServer
+    from taskrpc.actions.server_goal import ServerGoal
+    from taskrpc.actions.states import GoalState
     from taskrpc.callinfo import CallInfo, current_call
     from taskrpc.client import Client
     from taskrpc.deferred import DeferredCall
@@ -23,6 +28,10 @@ if TYPE_CHECKING:
         Code,
         ConnectionLost,
         DeadlineExceeded,
+        GoalAborted,
+        GoalCanceled,
+        GoalFailed,
+        GoalRejected,
         HandlerError,
         HandlerFailed,
         InvalidName,
@@ -42,7 +51,7 @@ if TYPE_CHECKING:
     )
     from taskrpc.exactly_once import Effect
     from taskrpc.exactly_once.stores import MemoryCompletions, SqliteCompletions
-    from taskrpc.message_types import Msg, Srv
+    from taskrpc.message_types import Action, Msg, Srv
     from taskrpc.metrics import Metrics
     from taskrpc.node import Node
     from taskrpc.observer import NodeStatus, Observer, Observers
@@ -67,18 +76,24 @@ if TYPE_CHECKING:
     from taskrpc.topic import Publisher, Subscription
 
 _HOMES = {
+    "actions.client": "ActionClient",
+    "actions.goal_handle": "GoalHandle",
+    "actions.server": "ActionServer",
+    "actions.server_goal": "ServerGoal",
+    "actions.states": "GoalState",
     "security.roles": "Account Accounts Role",
     "callinfo": "CallInfo current_call",
     "client": "Client",
     "exactly_once": "Effect",
     "deferred": "DeferredCall",
     "errors": (
-        "AuthenticationFailed CannotListen Code ConnectionLost DeadlineExceeded HandlerError"
-        " HandlerFailed InvalidName InvalidRequest NameInUse OutcomeUnknown PermissionDenied"
-        " ProtocolError RequestIdReused ServerBusy ServiceUnavailable SessionExpired StoreError"
-        " TaskRpcError TypeMismatch WouldDeadlock"
+        "AuthenticationFailed CannotListen Code ConnectionLost DeadlineExceeded GoalAborted"
+        " GoalCanceled GoalFailed GoalRejected HandlerError HandlerFailed InvalidName"
+        " InvalidRequest NameInUse OutcomeUnknown PermissionDenied ProtocolError RequestIdReused"
+        " ServerBusy ServiceUnavailable SessionExpired StoreError TaskRpcError TypeMismatch"
+        " WouldDeadlock"
     ),
-    "message_types": "Msg Srv",
+    "message_types": "Action Msg Srv",
     "metrics": "Metrics",
     "node": "Node",
     "program": "run",
@@ -100,6 +115,9 @@ _MODULES = ("errors", "logs", "metrics", "sync", "testing")
 __all__ = [
     "Account",
     "Accounts",
+    "Action",
+    "ActionClient",
+    "ActionServer",
     "AuthenticationFailed",
     "CallInfo",
     "CannotListen",
@@ -109,6 +127,12 @@ __all__ = [
     "DeadlineExceeded",
     "DeferredCall",
     "Effect",
+    "GoalAborted",
+    "GoalCanceled",
+    "GoalFailed",
+    "GoalHandle",
+    "GoalRejected",
+    "GoalState",
     "HandlerError",
     "HandlerFailed",
     "InvalidName",
@@ -135,6 +159,7 @@ __all__ = [
     "Robot",
     "Role",
     "ServerBusy",
+    "ServerGoal",
     "Service",
     "ServiceUnavailable",
     "SessionExpired",

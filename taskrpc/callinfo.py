@@ -52,6 +52,11 @@ class CallInfo(msgspec.Struct, eq=False):
         return ""
 
     @property
+    def is_foreign(self) -> bool:
+        """Whether the caller is a program of ROS 2 and not of taskrpc: it gets no errors."""
+        return False
+
+    @property
     def repeated(self) -> bool:
         """Whether an exactly-once service has recognised the request as a repetition.
 

@@ -10,6 +10,10 @@
     ├── ServerBusy             the server is overloaded; try again after `retry_after` seconds
     ├── HandlerFailed          the server's callback raised
     ├── HandlerError           a callback raises it to send a code and a message to its caller
+    ├── GoalFailed             the goal of an action did not succeed
+    │   ├── GoalRejected       … the action server did not accept it
+    │   ├── GoalAborted        … the action server gave it up
+    │   └── GoalCanceled       … a client cancelled it
     ├── InvalidName            a node, service or namespace name breaks ROS's rules
     ├── NameInUse              another process already offers a service of this name
     ├── CannotListen           the address to listen at is taken, wrong or not allowed
@@ -24,15 +28,19 @@
 Every error has `not_executed`: True if the call certainly did not run, False if it did, None if
 that is unknown. The classes with True: `ServiceUnavailable`, `TypeMismatch`, `InvalidRequest`,
 `ServerBusy`, `InvalidName`, `NameInUse`, `CannotListen`, `WouldDeadlock`, `AuthenticationFailed`,
-`PermissionDenied`, `RequestIdReused`, `StoreError`, and the errors of a callback with the code
-UNAVAILABLE. The class with False: other `HandlerFailed`. All other classes have None. Code that
-raises an error may set another value.
+`PermissionDenied`, `RequestIdReused`, `StoreError`, `GoalRejected`, and the errors of a callback
+with the code UNAVAILABLE. The classes with False: other `HandlerFailed`, `GoalAborted`. All
+other classes have None. Code that raises an error may set another value.
 """
 
 from __future__ import annotations
 
 import re
 from enum import IntEnum
+
+TYPE_CHECKING = False  # importing typing would cost every command
+if TYPE_CHECKING:
+    from typing import Any
 
 _NUMERIC = tuple("bcdeEfFgGnoxX%")
 """The last letters of the format specs of numbers."""
@@ -181,6 +189,39 @@ class HandlerError(_Coded):
 
     Raises ValueError for an invalid code.
     """
+
+
+class GoalFailed(_Coded):
+    """The goal of an action did not succeed.
+
+    Attributes:
+        code: why, as a code; the server's `HandlerError` sets it.
+        message: the text of the server's `HandlerError`, or a general one.
+        result: the result message that the server gave, None if it gave none.
+    """
+
+    def __init__(self, code: Code | str, message: str = "", result: Any = None) -> None:
+        self.result = result
+        super().__init__(code, message)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.code, self.message, self.result), self.__dict__
+
+
+class GoalRejected(GoalFailed):
+    """The action server did not accept the goal, and does not execute it."""
+
+    not_executed = True
+
+
+class GoalAborted(GoalFailed):
+    """The action server gave the goal up, or its callback raised."""
+
+    not_executed = False
+
+
+class GoalCanceled(GoalFailed):
+    """The goal ended because a client cancelled it; it may have begun."""
 
 
 class InvalidName(TaskRpcError, ValueError):

@@ -15,7 +15,19 @@ from srvgen import excepthook
 from taskrpc import errors, names
 from taskrpc.client import DEFAULT_TIMEOUT, Client, ObservedClient
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
-from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv, message_type, service_type
+from taskrpc.message_types import (
+    Action,
+    FeedbackT,
+    GoalT,
+    MsgT,
+    RequestT,
+    ResponseT,
+    ResultT,
+    Srv,
+    action_type,
+    message_type,
+    service_type,
+)
 from taskrpc.program import stop_requested
 from taskrpc.qos import QoS, qos_of
 from taskrpc.request_ids.ids import CompletionStore
@@ -28,6 +40,9 @@ from taskrpc.transport.endpoint import Endpoint
 from taskrpc.transport.shared_endpoint import lab_namespace, shared_endpoint
 
 if TYPE_CHECKING:
+    from taskrpc.actions.client import ActionClient
+    from taskrpc.actions.server import ActionServer
+    from taskrpc.actions.server_goal import AcceptCancel, AcceptGoal, Execute
     from taskrpc.deferred import DeferredService, Take
     from taskrpc.introspection import IntrospectionState, ServiceIntrospection
     from taskrpc.observer import NodeStatus, Observer, TopicStatus
@@ -41,7 +56,7 @@ DRAIN_GRACE = 30.0
 
 
 class _Part(Protocol):
-    """A publisher, subscription or timer of a node."""
+    """A publisher, subscription, timer or action client of a node."""
 
     def destroy(self) -> None: ...
     def _count_into(self, topics: dict[str, TopicStatus]) -> None: ...
@@ -118,12 +133,12 @@ class Node:
         self._transport: Endpoint | None = None
         """None before `start` and after `destroy`."""
         # Dicts as ordered sets: removing one of thousands of entries is fast.
-        self._services: dict[Service | DeferredService, None] = {}
+        self._services: dict[Service | DeferredService | ActionServer, None] = {}
         self._clients: dict[Client[Any, Any], None] = {}
         self._retries: dict[str, int] = {}
         """Retries of destroyed clients, by service."""
         self._parts: dict[_Part, None] = {}
-        """The publishers, subscriptions and timers."""
+        """The publishers, subscriptions, timers and action clients."""
         self._earlier_topics: dict[str, TopicStatus] = {}
         """The counts of destroyed publishers and subscriptions, by topic."""
         self._introspection: ServiceIntrospection | None = None
@@ -206,7 +221,7 @@ class Node:
         if self._transport is None:
             return
         self._notify(lambda observer: observer.node_ended(self))
-        for service in self._services:
+        for service in list(self._services):
             service.abandon()
         for client in list(self._clients):
             client.destroy()
@@ -436,6 +451,90 @@ class Node:
         self._parts[timer] = None
         return timer
 
+    def create_action_server(
+        self,
+        act_type: type[Action[GoalT, ResultT, FeedbackT]],
+        action_name: str,
+        execute: Execute[GoalT, ResultT, FeedbackT],
+        *,
+        goal: AcceptGoal[GoalT] | None = None,
+        cancel: AcceptCancel[GoalT, ResultT, FeedbackT] | None = None,
+        concurrency: int = 1,
+        threaded: bool = False,
+        result_timeout: float = 900.0,
+        role: Role = Role.SUBMIT,
+    ) -> ActionServer:
+        """Offer an action: `execute(goal)` is called for each accepted goal and returns its result.
+
+        In the callback, `goal.request` is the goal message. `goal.publish_feedback(feedback)` sends
+        feedback. If `goal.is_cancel_requested` is true, the callback should end with
+        `return goal.canceled(result)`. `return goal.abort(result)` gives the goal up; so does an
+        exception. A HandlerError reaches the client with its code and message.
+
+        Args:
+            act_type: the class of the action.
+            action_name: the name of the action.
+            execute: it may be async. A plain callback runs on the event loop and must be quick.
+            goal: `goal(request)` returns whether the server accepts a goal; it may be async. A
+                HandlerError rejects the goal with a reason. The default accepts all goals.
+            cancel: `cancel(goal)` returns whether the server cancels a goal; it may be async. The
+                default cancels all. A goal that waits ends at once; the callback of one that runs
+                must end it.
+            concurrency: how many goals run at a time; other accepted goals wait, at most 1024.
+            threaded: whether a plain callback runs in a thread instead of on the event loop.
+            result_timeout: the seconds for which results are kept, of at most 10,000 goals.
+            role: the least role that a caller's account must have to send and cancel goals, if the
+                node has accounts.
+
+        Raises NameInUse, InvalidName, CannotListen.
+        """
+        from taskrpc.actions.server import ActionServer  # few programs need it
+
+        self._started()
+        server = ActionServer(
+            self,
+            action_type(act_type),
+            action_name,
+            execute,
+            accept_goal=goal,
+            accept_cancel=cancel,
+            concurrency=concurrency,
+            threaded=threaded,
+            result_timeout=result_timeout,
+            role=role,
+        )
+        for service in server.services:
+            self._services.pop(service, None)  # the action server ends them
+        self._keep(server)
+        return server
+
+    def create_action_client(
+        self,
+        act_type: type[Action[GoalT, ResultT, FeedbackT]],
+        action_name: str,
+        *,
+        timeout: float | None = DEFAULT_TIMEOUT,
+        feedback_depth: int = 16,
+    ) -> ActionClient[GoalT, ResultT, FeedbackT]:
+        """Return a client of an action.
+
+        `timeout` (seconds) applies to sending and cancelling goals. Of each goal, the last
+        `feedback_depth` feedback messages are kept for a program that reads them slowly.
+        """
+        from taskrpc.actions.client import ActionClient  # few programs need it
+
+        self._started()
+        client: ActionClient[GoalT, ResultT, FeedbackT] = ActionClient(
+            self,
+            action_type(act_type),
+            action_name,
+            timeout=timeout,
+            feedback_depth=feedback_depth,
+            forget=self._forget_part,
+        )
+        self._parts[client] = None
+        return client
+
     def configure_introspection(
         self, service: Service, state: IntrospectionState, qos: QoS | int = 100
     ) -> None:
@@ -492,7 +591,7 @@ class Node:
         traffic = self._started().traffic()
         return NodeStatus(services, retries, *traffic, self._topic_status())
 
-    def _keep(self, service: Service | DeferredService) -> None:
+    def _keep(self, service: Service | DeferredService | ActionServer) -> None:
         self._services[service] = None
         service.finished.add_done_callback(lambda _: self._services.pop(service, None))
 

@@ -209,9 +209,14 @@ MODULES = {
     "srvgen": srvgen.__all__,
 }
 NOT_CONSTRUCTED = {
+    "Action",
+    "ActionClient",
+    "ActionServer",
     "CallInfo",
     "Client",
     "DeferredCall",
+    "GoalHandle",
+    "GoalState",
     "Kind",
     "Msg",
     "NodeStatus",
@@ -219,6 +224,7 @@ NOT_CONSTRUCTED = {
     "Robot",
     "RobotTelemetry",
     "Role",
+    "ServerGoal",
     "Service",
     "Srv",
     "Subscription",

@@ -310,9 +310,11 @@ def _namespace(part: Definition, hashes: Mapping[str, str], names: Mapping[str, 
 
 
 def _namespace_head(part: Definition) -> list[str]:
-    base = "Action"
     if isinstance(part, ServiceDef):
-        base = f"Service[{part.name}_Request, {part.name}_Response]"
+        kind, sections = "Service", ["Request", "Response"]
+    else:
+        kind, sections = "Action", ["Goal", "Result", "Feedback"]
+    base = f"{kind}[{', '.join(f'{part.name}_{one}' for one in sections)}]"
     return [f"class {part.name}(_runtime.{base}):", f'    """{part.full_name}"""']
 
 

@@ -83,6 +83,11 @@ class Execution(IncomingCall, eq=False, kw_only=True):
         """The address of the first caller's machine, "" for the server's own."""
         return self.callers[0].machine if self.callers else ""
 
+    @property
+    def is_foreign(self) -> bool:
+        """Whether the first caller is a program of ROS 2."""
+        return bool(self.callers) and self.callers[0].is_foreign
+
     def completed_by(self, response: Any) -> Completion | None:
         """Return the completion that a handler must store with its own effect, None for none.
 

@@ -40,7 +40,7 @@ class CallbackRunner:
         threaded: bool,
         idle: Callable[[], object],
     ) -> None:
-        _check(callback, description, parameters)
+        check_callback(callback, description, parameters)
         self.busy = False
         """Whether a call runs."""
         self.spent = 0.0
@@ -139,7 +139,8 @@ def run_to_end(callback: Callback, *arguments: Any) -> Any:
         raise RuntimeError("the callback raised StopIteration") from error
 
 
-def _check(callback: Callback, description: str, parameters: tuple[str, ...]) -> None:
+def check_callback(callback: Callback, description: str, parameters: tuple[str, ...]) -> None:
+    """Raise TypeError for a callback that does not take one argument for each parameter's name."""
     expected = f"{description}: expected a function that takes {', '.join(parameters) or 'nothing'}"
     if not callable(callback):
         raise TypeError(f"{expected}, got {callback!r}")

@@ -551,3 +551,11 @@ def test_typed_service_classes_have_only_their_messages_at_run_time():
     assert {name for name in dir(trigger) if name[0] != "_"} == {"Request", "Response", "Event"}
     assert trigger.__mro__[1] is _runtime.Service is _runtime.Service[int, str]
     assert not hasattr(trigger, "__orig_bases__")
+
+
+def test_typed_action_classes_have_only_their_messages_at_run_time():
+    fibonacci = srvgen.load("example_interfaces/action/Fibonacci")
+    names = {"Goal", "Result", "Feedback", "Impl"}
+    assert {name for name in dir(fibonacci) if name[0] != "_"} == names
+    assert fibonacci.__mro__[1] is _runtime.Action is _runtime.Action[int, str, bytes]
+    assert not hasattr(fibonacci, "__orig_bases__")

@@ -29,6 +29,11 @@ EXAMPLES = [
     errors.HandlerFailed(Code.NOT_FOUND),
     errors.HandlerError("UNAVAILABLE", "not now"),
     errors.HandlerError(Code.ABORTED, "stopped"),
+    errors.GoalFailed(Code.ABORTED, "blocked"),
+    errors.GoalRejected("FAILED_PRECONDITION", "too far"),
+    errors.GoalAborted(Code.ABORTED, "blocked", [1, 2]),
+    errors.GoalAborted(Code.UNAVAILABLE),
+    errors.GoalCanceled(Code.CANCELLED, "cancelled", [1]),
     errors.InvalidName("a b", 1, kind="node name", problem="no blanks"),
     errors.NameInUse("/x"),
     errors.CannotListen("port 1"),
@@ -65,7 +70,7 @@ def test_the_documented_tree_is_the_tree_of_classes():
 
 def test_default_of_not_executed_is_documented():
     paragraph = errors.__doc__.split("The classes with True: ")[1]
-    true, false = paragraph.split("The class with False:")
+    true, false = paragraph.split("The classes with False:")
     assert set(re.findall(r"`(\w+)`", true)) == {
         cls.__name__ for cls in CLASSES if cls.not_executed is True
     }

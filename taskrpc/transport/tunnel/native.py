@@ -229,6 +229,11 @@ class NativeCall(IncomingCall, eq=False, kw_only=True):
     ended: bool = False
     """Whether the response or an error was sent."""
 
+    @property
+    def is_foreign(self) -> bool:
+        """True."""
+        return True
+
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Send the response."""
         if body is None:

@@ -385,7 +385,7 @@ class Count_GetResult(_runtime.Service[Count_GetResult_Request, Count_GetResult_
     Event: _typing.TypeAlias = Count_GetResult_Event
 
 
-class Count(_runtime.Action):
+class Count(_runtime.Action[Count_Goal, Count_Result, Count_Feedback]):
     """demo_interfaces/action/Count"""
 
     _TYPE = "demo_interfaces/action/Count"

@@ -1,0 +1,319 @@
+"""Action clients: send goals, receive their feedback, and fetch their results."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+from collections.abc import Callable, Coroutine
+from typing import TYPE_CHECKING, Any, Generic, Protocol
+
+from taskrpc.actions.goal_handle import GoalHandle
+from taskrpc.actions.goals import CancelCode
+from taskrpc.actions.messages import ActionMessages, bytes_of, parse_goal_id, states_in
+from taskrpc.actions.names import names_of
+from taskrpc.actions.server import FEEDBACK_QOS, STATUS_QOS
+from taskrpc.actions.states import ENDED, GoalState
+from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Client, Unset
+from taskrpc.errors import (
+    Code,
+    ConnectionLost,
+    DeadlineExceeded,
+    GoalAborted,
+    GoalRejected,
+    HandlerFailed,
+    OutcomeUnknown,
+    ServerBusy,
+    ServiceUnavailable,
+    TaskRpcError,
+)
+from taskrpc.message_types import FeedbackT, GoalT, ResultT
+from taskrpc.qos import QoS
+from taskrpc.topic import Subscription
+
+if TYPE_CHECKING:
+    from taskrpc.observer import TopicStatus
+
+FEEDBACK_DEPTH = 16
+"""Feedback messages of one goal that are kept for a program that reads slowly."""
+WAITING_CALLS = 8
+"""Calls of one client that wait for results. The results of more goals are fetched when the status
+says that the goal has ended: calls that wait take places of the calls in flight."""
+FEEDBACK_PATIENCE = 1.0
+"""Seconds for which a goal waits until its feedback can be received."""
+LATE_FEEDBACK = 0.05
+"""Seconds after the result in which feedback still arrives: over a middleware, feedback and result
+take different ways."""
+RECONNECTS = (0.0, 0.1, 0.2, 0.4, 0.8)
+"""Seconds before each new attempt to wait for a result after a lost connection."""
+STEADY = 1.0
+"""Seconds after which a call that waited for a result no longer counts as such an attempt."""
+CANCEL_TIMEOUT = 5.0
+"""Seconds for cancelling a goal that the program has given up."""
+
+_IN_DOUBT = asyncio.CancelledError, DeadlineExceeded, ConnectionLost
+"""Errors of `send_goal` after which the server may execute the goal."""
+_STATES = {state.value: state for state in ENDED}
+
+
+class ClientNode(Protocol):
+    """The part of a node that an action client needs."""
+
+    def resolve_service_name(self, srv_name: str) -> str:
+        """Return the absolute name that a service name means for this node."""
+
+    def create_client(
+        self, srv_type: Any, srv_name: str, *, timeout: float | None = DEFAULT_TIMEOUT
+    ) -> Client[Any, Any]:
+        """Return a client of a service."""
+
+    def create_subscription(
+        self, msg_type: Any, topic: str, callback: Callable[[Any], object], qos: QoS | int = 10
+    ) -> Subscription[Any]:
+        """Call a function for each message of a topic."""
+
+
+class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
+    """Sends goals to one action; made by `Node.create_action_client`.
+
+    `timeout` (seconds, None for no deadline) is the default of `send_goal` and `cancel`. `destroy`
+    calls `forget`.
+    """
+
+    def __init__(
+        self,
+        node: ClientNode,
+        action_type: Any,
+        action_name: str,
+        *,
+        timeout: float | None = DEFAULT_TIMEOUT,
+        feedback_depth: int = FEEDBACK_DEPTH,
+        forget: Callable[[ActionClient[Any, Any, Any]], object] = lambda _: None,
+    ) -> None:
+        if feedback_depth < 1:
+            raise ValueError(f"feedback_depth: expected at least 1, got {feedback_depth}")
+        self.action_type = action_type
+        self.action_name = node.resolve_service_name(action_name)
+        self._loop = asyncio.get_running_loop()
+        self._timeout = timeout
+        self._depth = feedback_depth
+        self._forget = forget
+        self._messages = messages = ActionMessages(action_type)
+        names = names_of(action_name)
+        self._send = node.create_client(messages.send_goal, names.send_goal, timeout=timeout)
+        self._cancel = node.create_client(messages.cancel_goal, names.cancel_goal, timeout=timeout)
+        self._result = node.create_client(messages.get_result, names.get_result, timeout=None)
+        self._feedback = node.create_subscription(
+            messages.feedback, names.feedback, self._on_feedback, FEEDBACK_QOS
+        )
+        self._status = node.create_subscription(
+            messages.status, names.status, self._on_status, STATUS_QOS
+        )
+        self._matched = asyncio.Event()
+        """Set when the matching publishers change."""
+        self._feedback.on_matched = self._status.on_matched = self._matched.set
+        self._handles: dict[bytes, GoalHandle[Any, Any]] = {}
+        """The goals that have not ended."""
+        self._tasks: set[asyncio.Task[None]] = set()
+        """Tasks that fetch results and cancel goals that were given up."""
+        self._free_places = WAITING_CALLS
+        self._queue: dict[bytes, asyncio.Future[bool]] = {}
+        """The goals that have no place to wait for their result: True gives them one."""
+        self._destroyed = False
+
+    def server_is_ready(self) -> bool:
+        """Whether a server of the action is known."""
+        return all(
+            client.service_is_ready() for client in (self._send, self._cancel, self._result)
+        ) and bool(self._feedback.get_publisher_count() and self._status.get_publisher_count())
+
+    async def wait_for_server(self, timeout: float | None = None) -> bool:
+        """Wait until a server offers the action; False if none does within `timeout` seconds."""
+        deadline = None if timeout is None else self._loop.time() + timeout
+        for client in (self._send, self._cancel, self._result):
+            left = None if deadline is None else max(0.0, deadline - self._loop.time())
+            if not await client.wait_for_service(left):
+                return False
+        return await self._wait_for_topics(deadline)
+
+    async def send_goal(
+        self, goal: GoalT, timeout: float | Unset | None = UNSET, goal_id: str = ""
+    ) -> GoalHandle[ResultT, FeedbackT]:
+        """Send a goal; return its handle as soon as the server has accepted it.
+
+        `timeout` is in seconds and covers finding the server and its decision, not the execution.
+        If the response is lost, the client repeats the request; the server executes the goal once.
+        `goal_id` (a UUID) lets another program, or this one after a restart, repeat the request: if
+        the server knows the id, it executes nothing and the handle is that of the known goal.
+
+        If the wait ends early, by the timeout or by a cancelled task, the client cancels the goal,
+        unless it has a `goal_id`.
+
+        Raises:
+            GoalRejected: the server did not accept the goal.
+            ServiceUnavailable: no server offers the action.
+            DeadlineExceeded: no response in time.
+            InvalidRequest, OutcomeUnknown, …: see `taskrpc.errors`.
+        """
+        seconds = self._timeout if timeout is UNSET else timeout
+        deadline = None if seconds is None else self._loop.time() + seconds
+        key = parse_goal_id(goal_id) if goal_id else os.urandom(16)
+        request = self._messages.send_goal.Request(goal_id=self._messages.goal_id(key), goal=goal)
+        handle = known = self._handles.get(key)
+        if handle is None:
+            handle = GoalHandle(key, self.action_name, self._depth, self._cancel_goal)
+        try:
+            await self._send.channel.connect(deadline)
+            patience = self._loop.time() + FEEDBACK_PATIENCE
+            await self._wait_for_topics(patience if deadline is None else min(patience, deadline))
+            self._handles[key] = handle  # feedback may arrive before the response
+            left = None if deadline is None else deadline - self._loop.time()
+            response = await self._send.call(request, timeout=left)
+            if not response.accepted:
+                text = f"the server of {self.action_name} rejected the goal"
+                raise GoalRejected(Code.FAILED_PRECONDITION, text)
+        except BaseException as error:
+            if known is None:
+                self._handles.pop(key, None)
+            if isinstance(error, HandlerFailed):
+                raise GoalRejected(error.code, error.message) from None
+            is_in_doubt = isinstance(error, _IN_DOUBT) and not getattr(error, "not_executed", None)
+            if is_in_doubt and not goal_id and not self._destroyed:
+                self._run(self._give_up(key))
+            raise
+        if known is None:
+            self._run(self._fetch(handle))
+        return handle
+
+    def destroy(self) -> None:
+        """End the client; goals continue, and their handles get no feedback and no result."""
+        if self._destroyed:
+            return
+        self._destroyed = True
+        for task in self._tasks:
+            task.cancel()
+        error = TaskRpcError(f"the action client of {self.action_name} was destroyed")
+        for handle in self._handles.values():
+            handle._failed(GoalState.UNKNOWN, error)
+            handle.feedback._end()
+        self._handles.clear()
+        for part in (self._send, self._cancel, self._result, self._feedback, self._status):
+            part.destroy()
+        self._forget(self)
+
+    def _count_into(self, topics: dict[str, TopicStatus]) -> None:
+        """Add nothing: the subscriptions of the node count themselves."""
+
+    def _run(self, coroutine: Coroutine[Any, Any, None]) -> None:
+        task = self._loop.create_task(coroutine)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _wait_for_topics(self, deadline: float | None) -> bool:
+        """Wait until feedback and status can be received; False if not until the deadline."""
+        topics = self._feedback, self._status
+        while not all(topic.get_publisher_count() for topic in topics):
+            self._matched.clear()
+            try:
+                async with asyncio.timeout_at(deadline):
+                    await self._matched.wait()
+            except TimeoutError:
+                return False
+        return True
+
+    def _on_feedback(self, message: Any) -> None:
+        if (handle := self._handles.get(bytes_of(message.goal_id))) is not None:
+            handle.feedback._arrived(message.feedback)
+
+    def _on_status(self, message: Any) -> None:
+        states = states_in(message)
+        for key, handle in self._handles.items():
+            state = states.get(key)
+            if state is not None and state.is_active:
+                handle._advanced(state)
+            elif (turn := self._queue.get(key)) is not None and not turn.done():
+                turn.set_result(False)
+
+    async def _cancel_goal(self, key: bytes, timeout: float | Unset | None) -> bool:
+        request = self._messages.cancel_goal.Request(goal_info=self._messages.goal_info(key))
+        response = await self._cancel.call(request, timeout=timeout)
+        accepted = (bytes_of(info.goal_id) for info in response.goals_canceling)
+        return response.return_code == CancelCode.NONE and key in accepted
+
+    async def _give_up(self, key: bytes) -> None:
+        """Cancel a goal that the server may execute and that the program does not know of."""
+        with contextlib.suppress(TaskRpcError):
+            await self._cancel_goal(key, CANCEL_TIMEOUT)
+
+    # Results
+
+    async def _fetch(self, handle: GoalHandle[Any, Any]) -> None:
+        """Wait for the end of a goal, and give its handle the result."""
+        try:
+            response = await self._response_for(handle)
+        except HandlerFailed as error:
+            handle._failed(GoalState.ABORTED, GoalAborted(error.code, error.message))
+        except TaskRpcError as error:
+            handle._failed(GoalState.UNKNOWN, error)
+        else:
+            if (ended := _STATES.get(response.status)) is not None:
+                handle._ended(ended, response)
+            else:
+                problem = "has no such goal: it was restarted, or the result has expired"
+                handle._failed(GoalState.UNKNOWN, self._unknown(handle, problem))
+        self._loop.call_later(LATE_FEEDBACK, self._forget_goal, handle)
+
+    def _forget_goal(self, handle: GoalHandle[Any, Any]) -> None:
+        if self._handles.pop(handle._goal_id, None) is not None:
+            handle.feedback._end()
+
+    async def _response_for(self, handle: GoalHandle[Any, Any]) -> Any:
+        if self._free_places:
+            self._free_places -= 1
+            has_place = True
+        else:
+            self._queue[handle._goal_id] = turn = self._loop.create_future()
+            try:
+                has_place = await turn
+            finally:
+                del self._queue[handle._goal_id]
+        try:
+            return await self._call_for_result(handle)
+        finally:
+            if has_place:
+                self._leave_place()
+
+    def _leave_place(self) -> None:
+        for turn in self._queue.values():
+            if not turn.done():
+                turn.set_result(True)
+                return
+        self._free_places += 1
+
+    async def _call_for_result(self, handle: GoalHandle[Any, Any]) -> Any:
+        """Call the service that responds when the goal has ended; again if the connection is lost.
+
+        Raises OutcomeUnknown if the server is gone.
+        """
+        goal_id = self._messages.goal_id(handle._goal_id)
+        request = self._messages.get_result.Request(goal_id=goal_id)
+        waits = iter(RECONNECTS)
+        while True:
+            began = self._loop.time()
+            try:
+                return await self._result.call(request, timeout=None)
+            except ServiceUnavailable:
+                raise self._unknown(handle, "has ended") from None
+            except (ConnectionLost, ServerBusy) as error:
+                if self._loop.time() - began > STEADY:
+                    waits = iter(RECONNECTS)
+                wait = next(waits, None)
+                if wait is None:
+                    raise self._unknown(handle, f"cannot be reached: {error}") from None
+                await asyncio.sleep(wait)
+
+    def _unknown(self, handle: GoalHandle[Any, Any], problem: str) -> OutcomeUnknown:
+        return OutcomeUnknown(
+            f"the outcome of the goal {handle.goal_id} is unknown: the server of"
+            f" {self.action_name} {problem}"
+        )
