@@ -110,7 +110,10 @@ class DatabaseUrl:
 
     def error(self, problem: str, error: BaseException) -> StoreError:
         """Return an error with this database's name and the reason that PostgreSQL gives."""
-        reason = self.without_password(" ".join(str(error).split()))
+        # Without the place in our statement, which says nothing to an operator.
+        text = getattr(getattr(error, "diag", None), "message_primary", None) or str(error)
+        text = re.sub(r"\s*Is the server running[^?]*\?", "", text)
+        reason = self.without_password(" ".join(text.split()))
         found = StoreError(f"{self.shown} {problem}: {reason}{_hint(reason)}")
         found.for_callers = "the database of the fleet cannot be used; nothing was stored"
         return found
@@ -190,6 +193,9 @@ _HINTS = (
     ),
     (r"permission denied for schema", "give this user the right to create tables there"),
     (r"permission denied|must be owner", "let the servers use the user that created the tables"),
+    (r"no pg_hba.conf entry", "allow this user and this machine in PostgreSQL's pg_hba.conf"),
+    (r"does not support SSL", "set ssl = on in PostgreSQL, or another sslmode in --db"),
+    (r"invalid (integer value|port)", "correct the port in --db"),
     (r"resolve|not known", "correct the host in --db"),
     (r"definition of service", "correct the service in --db or PGSERVICE"),
     (r"statement pooling", "set pool_mode = session in PgBouncer, or connect to PostgreSQL itself"),

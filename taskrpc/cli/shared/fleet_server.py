@@ -19,7 +19,7 @@ log = logging.getLogger("taskrpc.fleet")
 
 _PREFIXES = "postgresql://", "postgres://"
 # Also what a mistyped URL begins with: it may contain a password, so it must not become a file.
-_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/|postgres(ql)?:", re.ASCII | re.IGNORECASE)
+_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/|postgres(ql)?(:|//)", re.ASCII | re.IGNORECASE)
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}", re.ASCII)
 
 
@@ -41,8 +41,9 @@ def check(options: argparse.Namespace) -> None:
     """Check how the options fit together. Raises UsageError."""
     if not is_fleet(options):
         if options.db and _SCHEME.match(options.db):
-            scheme, _, _ = options.db.partition(":")
-            raise _usage(f"--db: expected a file, :memory: or postgresql://…, got {scheme}:…")
+            scheme, sign = re.split("([:/])", options.db)[:2]
+            found = f"{scheme}{sign}…"  # not the rest: it may contain a password
+            raise _usage(f"--db: expected a file, :memory: or postgresql://…, got {found}")
         for name, value in (
             ("--robot-name", options.robot_name),
             ("--capabilities", options.capabilities),

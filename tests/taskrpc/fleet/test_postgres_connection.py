@@ -115,6 +115,28 @@ async def test_user_without_rights_on_the_tables_is_told_what_to_do(own_cluster)
     await reading.close()
 
 
+@pytest.mark.parametrize(
+    ("reason", "advice"),
+    [
+        ('FATAL: no pg_hba.conf entry for host "::1"', "allow this user and this machine in"),
+        ("server does not support SSL, but SSL was required", "set ssl = on in PostgreSQL, or"),
+        ('invalid integer value "54x2" for connection option "port"', "correct the port in --db"),
+        ('could not extend file "base/1": No space left on device', "free space on the disk of"),
+        ("cannot execute UPDATE in a read-only transaction", "connect to the primary: add"),
+        ('definition of service "lab" not found', "correct the service in --db or PGSERVICE"),
+    ],
+)
+def test_error_says_what_to_do(reason, advice):
+    error = DatabaseUrl("postgresql://ann@db.lab/fleet").error("cannot be used", OSError(reason))
+    assert f"cannot be used: {reason}; {advice}" in str(error)
+
+
+def test_question_of_libpq_is_left_out():
+    asked = OSError("Connection refused\n\tIs the server running on that host and accepting TCP?")
+    error = DatabaseUrl("postgresql://ann@db.lab/fleet").error("cannot be used", asked)
+    assert "cannot be used: Connection refused; start PostgreSQL there" in str(error)
+
+
 @pytest.mark.real_time
 async def test_missing_server_is_named_with_what_to_do():
     url = DatabaseUrl(f"postgresql://ann:{SECRET}@127.0.0.1:1/fleet")

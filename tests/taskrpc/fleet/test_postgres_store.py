@@ -119,7 +119,9 @@ async def test_statement_that_fails_changes_nothing(store):
     assert [each.task_id for each in (await store.load()).tasks] == [1]
 
 
-async def test_transaction_is_repeated_when_the_database_was_restarted(own_cluster):
+async def test_transaction_is_repeated_when_the_database_was_restarted(own_cluster, monkeypatch):
+    # A busy machine may need long for the recovery.
+    monkeypatch.setattr("taskrpc.fleet.postgres_store.PATIENCE", 60.0)
     store = PostgresStore(own_cluster.url())
     await store.transact(put(1))
     own_cluster.kill()

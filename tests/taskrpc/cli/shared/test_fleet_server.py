@@ -43,6 +43,7 @@ def server(run, tmp_path, monkeypatch):
             ["--db", "postgresql:/ann:s3cret@x/y"],
             "--db: expected a file, :memory: or postgresql://…, got postgresql:…",
         ),
+        (["--db", "postgres//ann:s3cret@x/y"], "got postgres/…"),
         (["--db", "postgresql+psycopg://ann:s3cret@x/y"], "got postgresql+psycopg:…"),
         (["--db", URL, "--join"], "--join is for single servers"),
         (["--db", URL, "--robot-name", "x" * 64], "expected up to 63 letters, digits"),
