@@ -76,7 +76,10 @@ def test_ended_call_has_its_duration_and_its_code(log, clock):
     assert shown(log, clock) == []
 
 
-@pytest.mark.parametrize(("after", "expected"), [(1.0, "CANCELLED"), (1.995, "DEADLINE_EXCEEDED")])
+@pytest.mark.parametrize(
+    ("after", "expected"),
+    [(1.0, "CANCELLED"), (1.95, "DEADLINE_EXCEEDED"), (1.995, "DEADLINE_EXCEEDED")],
+)
 def test_call_that_its_client_cancels_at_its_timeout_is_shown_as_late(log, clock, after, expected):
     late = call(1, clock, deadline=102.0)
     log.call_began(late)
