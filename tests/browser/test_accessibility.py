@@ -205,6 +205,14 @@ def test_projector_hides_controls_and_doubles_the_text(busy, services, open_page
     assert large.tab.run(size) >= 1.7 * plain.tab.run(size)
 
 
+def test_text_on_a_projector_has_the_same_share_of_each_screen(start_server, open_page):
+    page = open_page(start_server(), query="?projector")
+    share = "return parseFloat(getComputedStyle(document.body).fontSize) / innerHeight"
+    expected = page.tab.run(share)
+    page.tab.size(1920, 1080)
+    assert page.tab.run(share) == pytest.approx(expected, rel=0.01)
+
+
 def test_theme_button_switches_and_is_remembered(start_server, open_page):
     page = open_page(start_server(), color_scheme="light")
     colour = "return getComputedStyle(document.body).backgroundColor"

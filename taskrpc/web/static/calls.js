@@ -140,7 +140,7 @@ export class CallsView {
       mark.append(drawn("path.deadline", { d: `M${limit} ${y - thick / 2}v${1.5 * thick}` }));
     }
     const label = call.state === "error" ? `✕ ${call.code}` : [retryText(call), call.repeated && "stored response"].filter(Boolean).join(", ");
-    if (label && this.hasRoom(call, x, label)) mark.append(drawn("text", { x, y: y - thick / 2 - 3 }, label));
+    if (label && this.hasRoom(call, x, label)) mark.append(drawn("text", { x, y: y - thick * 0.8 }, label));
     if (call.state === "open") this.open.set(call.id, mark);
     this.bars.append(mark);
   }

@@ -72,7 +72,7 @@ export class Details {
     this.dialog.replaceChildren(
       dialogHead(this.dialog, "task_title", `task ${task_id}  ${taskText(task)}`),
       stateBadge(task.state),
-      element("p", task.message),
+      task.message ? element("p", task.message) : "",
       factList([["priority", String(task.priority)], ["client", task.client], ["submitted", time(task.submitted)], ["started", time(task.started)], ["ended", time(task.ended)], ["first estimate", duration(task.accepted_estimate)], [isOver ? "" : "ends in", isOver ? "" : duration(task.estimated_time)], ["took", isOver && task.started ? duration(task.ended - task.started) : ""]]),
       (complete && resultOf(task.result)) || "",
       complete ? changesOf(task) : "",

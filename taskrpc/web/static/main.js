@@ -191,6 +191,7 @@ function frame(time) {
   for (const view of [status, tasks, calls, list]) view.tick();
 }
 
+tabs.choose(byId("tab_calls"));
 setUpMessageButtons();
 setUpTheme();
 setUpParts();
