@@ -154,13 +154,13 @@ async def test_their_nodes_services_and_topics_are_in_the_graph(node, run, other
     await said(await run(other, "serve", "/foreign/set_bool"))
     await said(await run(other, "publish", "/foreign/text"))
 
-    async def entries():
-        return [each for each in await node.graph() if not each.address and not each.pid]
-
-    while len(found := await entries()) < 2:
+    found, services, publishers = [], [], []
+    # Each program shows its node before its service or publisher.
+    while not (services and publishers):
         await asyncio.sleep(0.05)
-    services = [each for entry in found for each in entry.services]
-    publishers = [each for entry in found for each in entry.publishers]
+        found = [each for each in await node.graph() if not each.address and not each.pid]
+        services = [each for entry in found for each in entry.services]
+        publishers = [each for entry in found for each in entry.publishers]
     assert [(each.name, each.type_name, each.type_hash) for each in services] == [
         ("/foreign/set_bool", "std_srvs/srv/SetBool", SetBool._HASH)
     ]
