@@ -10,9 +10,15 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol
 
 from taskrpc.actions.goal_handle import GoalHandle
 from taskrpc.actions.goals import CancelCode
-from taskrpc.actions.messages import ActionMessages, bytes_of, parse_goal_id, states_in
+from taskrpc.actions.messages import (
+    FEEDBACK_QOS,
+    STATUS_QOS,
+    ActionMessages,
+    bytes_of,
+    parse_goal_id,
+    states_in,
+)
 from taskrpc.actions.names import names_of
-from taskrpc.actions.server import FEEDBACK_QOS, STATUS_QOS
 from taskrpc.actions.states import ENDED, GoalState
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Client, Unset
 from taskrpc.errors import (
@@ -29,10 +35,10 @@ from taskrpc.errors import (
 )
 from taskrpc.message_types import FeedbackT, GoalT, ResultT
 from taskrpc.qos import QoS
-from taskrpc.topic import Subscription
 
 if TYPE_CHECKING:
     from taskrpc.observer import TopicStatus
+    from taskrpc.topic import Subscription
 
 FEEDBACK_DEPTH = 16
 """Feedback messages of one goal that are kept for a program that reads slowly."""

@@ -8,7 +8,11 @@ from uuid import UUID
 
 from taskrpc.actions.goals import GoalRecord
 from taskrpc.actions.states import GoalState
+from taskrpc.qos import QoS
 
+FEEDBACK_QOS = QoS(depth=10)
+STATUS_QOS = QoS(depth=1, durability="transient_local")
+"""The QoS of the topics, as in ROS: later subscriptions get the last status too."""
 _SECOND = 1_000_000_000
 _STATES = {state.value: state for state in GoalState}
 

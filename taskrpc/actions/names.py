@@ -6,15 +6,14 @@ The action `/fibonacci` consists of the services `/fibonacci/_action/send_goal`,
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import msgspec
 
 _INFIX = "/_action/"
 _FEEDBACK = "feedback"
 _FEEDBACK_TYPE = "_FeedbackMessage"
 
 
-@dataclass(frozen=True, slots=True)
-class ActionNames:
+class ActionNames(msgspec.Struct, frozen=True):
     """The names of the services and topics of one action; made by `names_of`."""
 
     action: str

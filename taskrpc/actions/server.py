@@ -12,7 +12,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from srvgen import excepthook
 from taskrpc.actions.goals import CancelCode, GoalLedger, GoalRecord, goals_to_cancel
-from taskrpc.actions.messages import ActionMessages, bytes_of, nanoseconds_of
+from taskrpc.actions.messages import (
+    FEEDBACK_QOS,
+    STATUS_QOS,
+    ActionMessages,
+    bytes_of,
+    nanoseconds_of,
+)
 from taskrpc.actions.names import names_of
 from taskrpc.actions.server_goal import AcceptCancel, AcceptGoal, Execute, ServerGoal
 from taskrpc.actions.states import GoalEvent, GoalState
@@ -46,8 +52,6 @@ MOST_WAITING = 1024
 """Accepted goals that may wait until others have ended; more are rejected."""
 CANCELS = 64
 """Requests to cancel that the program may decide on at the same time."""
-STATUS_QOS = QoS(depth=1, durability="transient_local")
-FEEDBACK_QOS = QoS(depth=10)
 MANY_GOALS, STATUS_EVERY = 100, 0.1
 """With more goals than this, the status is published at most once in so many seconds: the message
 lists all goals."""

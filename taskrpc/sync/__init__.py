@@ -2,9 +2,18 @@
 
 Each process has one event loop, in a thread of its own (`loop_thread`). Any thread may call;
 service callbacks run in threads, so that they may block and call other services. Start with
-`node`; publishers and subscriptions are in `topics`."""
+`node`; publishers and subscriptions are in `topics`, clients of actions in `actions`."""
 
+from taskrpc.sync.actions import ActionClient, GoalHandle
 from taskrpc.sync.node import Client, Node
 from taskrpc.sync.topics import Publisher, Subscription, Timer
 
-__all__ = ["Client", "Node", "Publisher", "Subscription", "Timer"]
+__all__ = [
+    "ActionClient",
+    "Client",
+    "GoalHandle",
+    "Node",
+    "Publisher",
+    "Subscription",
+    "Timer",
+]

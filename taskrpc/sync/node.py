@@ -22,18 +22,30 @@ from taskrpc import node as _node
 from taskrpc import platform
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.deferred import DeferredService, Take
-from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv
+from taskrpc.message_types import (
+    Action,
+    FeedbackT,
+    GoalT,
+    MsgT,
+    RequestT,
+    ResponseT,
+    ResultT,
+    Srv,
+)
 from taskrpc.qos import QoS
 from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.retry import RetryPolicy
 from taskrpc.security.roles import Role
 from taskrpc.service import Callback, Service
+from taskrpc.sync.actions import ActionClient
 from taskrpc.sync.loop_thread import SLICE, LoopThread, wait
 from taskrpc.sync.topics import Publisher, Subscription, Timer
 from taskrpc.transport.base import OnDone, OnMismatch, ProgramStatistics
 from taskrpc.transport.discovery.entries import RegistryEntry
 
 if TYPE_CHECKING:
+    from taskrpc.actions.server import ActionServer
+    from taskrpc.actions.server_goal import AcceptCancel, AcceptGoal, Execute
     from taskrpc.introspection import IntrospectionState
     from taskrpc.observer import NodeStatus
 
@@ -216,6 +228,56 @@ class Node:
             "create_subscription()",
         )
         return Subscription(self._loop, inner)
+
+    def create_action_server(
+        self,
+        act_type: type[Action[GoalT, ResultT, FeedbackT]],
+        action_name: str,
+        execute: Execute[GoalT, ResultT, FeedbackT],
+        *,
+        goal: AcceptGoal[GoalT] | None = None,
+        cancel: AcceptCancel[GoalT, ResultT, FeedbackT] | None = None,
+        concurrency: int = 1,
+        threaded: bool = True,
+        result_timeout: float = 900.0,
+        role: Role = Role.SUBMIT,
+    ) -> ActionServer:
+        """Offer an action; as `taskrpc.Node.create_action_server`.
+
+        A plain `execute` runs in a thread. `goal` and `cancel` run on the event loop's thread and
+        must not block.
+        """
+        return self._loop.do(
+            lambda: self._node.create_action_server(
+                act_type,
+                action_name,
+                execute,
+                goal=goal,
+                cancel=cancel,
+                concurrency=concurrency,
+                threaded=_in_thread(execute, threaded),
+                result_timeout=result_timeout,
+                role=role,
+            ),
+            "create_action_server()",
+        )
+
+    def create_action_client(
+        self,
+        act_type: type[Action[GoalT, ResultT, FeedbackT]],
+        action_name: str,
+        *,
+        timeout: float | None = DEFAULT_TIMEOUT,
+        feedback_depth: int = 16,
+    ) -> ActionClient[GoalT, ResultT, FeedbackT]:
+        """A client of an action; as `taskrpc.Node.create_action_client`."""
+        inner = self._loop.do(
+            lambda: self._node.create_action_client(
+                act_type, action_name, timeout=timeout, feedback_depth=feedback_depth
+            ),
+            "create_action_client()",
+        )
+        return ActionClient(self._loop, inner)
 
     def configure_introspection(
         self, service: Service, state: IntrospectionState, qos: QoS | int = 100
