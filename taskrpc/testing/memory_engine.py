@@ -83,6 +83,7 @@ class MemoryEngine:
     """One program's access to a bus."""
 
     name = "the memory engine"
+    discovery_ends = 0.0
 
     def __init__(self, domain: int) -> None:
         self.place = ""

@@ -210,8 +210,9 @@ class RemoteChannel:
     async def connect(self, deadline: float | None) -> None:
         """Find a server of the service and connect to it.
 
-        Raises ServiceUnavailable at once if no process offers the service or none can be reached,
-        and TypeMismatch, AuthenticationFailed or PermissionDenied if every server refuses.
+        Raises ServiceUnavailable at once if no process offers the service or none can be reached;
+        while the network still discovers programs, it waits for one that offers the service. Raises
+        TypeMismatch, AuthenticationFailed or PermissionDenied if every server refuses.
         """
         while not self.ready:
             if self._closed:
@@ -224,7 +225,9 @@ class RemoteChannel:
             # Several calls may wait for this task: a timeout of one must not cancel it.
             done, _ = await asyncio.wait((connecting,), timeout=left)
             if not done:
-                silent = next(filter(None, (why_silent(each) for _, each in self._locate())), "")
+                if not (addresses := self._locate()):
+                    raise no_server(self._endpoint.network, self._shown)
+                silent = next(filter(None, (why_silent(each) for _, each in addresses)), "")
                 reason = f": {silent}" if silent else " in time"
                 raise ServiceUnavailable(f"{self._shown} could not be reached{reason}")
             if not connecting.cancelled():
@@ -291,7 +294,7 @@ class RemoteChannel:
         tried: set[tuple[str, str]] = set()
         problem, refusal = no_server(self._endpoint.network, self._shown), None
         # Another server may have appeared while one that is gone was tried.
-        while addresses := self._untried(tried):
+        while addresses := await self._untried(tried):
             for name, address in addresses:
                 tried.add((name, address.place))
                 try:
@@ -304,12 +307,22 @@ class RemoteChannel:
                     problem = ServiceUnavailable(f"{self._shown} could not be reached: {error}")
         raise refusal or problem
 
-    def _untried(self, tried: set[tuple[str, str]]) -> list[tuple[str, Address]]:
+    async def _untried(self, tried: set[tuple[str, str]]) -> list[tuple[str, Address]]:
         """The addresses of possible servers that are not among the `tried` names and places."""
-        self._mark = self._endpoint.availability.mark()
-        addresses = self._locate()
+        addresses = await self._find()
         self._has_addresses = bool(addresses)
         return [(name, each) for name, each in addresses if (name, each.place) not in tried]
+
+    async def _find(self) -> list[tuple[str, Address]]:
+        """Locate servers; while the network discovers programs, wait for the first server."""
+        endpoint = self._endpoint
+        while True:
+            self._mark = endpoint.availability.mark()
+            addresses = self._locate()
+            left = endpoint.network.discovery_ends - endpoint.loop.time()
+            if addresses or left <= 0:
+                return addresses
+            await endpoint.availability.wait(self._mark, left)
 
     async def _reach(self, name: str, address: Address) -> None:
         endpoint = self._endpoint

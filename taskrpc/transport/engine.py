@@ -96,6 +96,8 @@ class Engine(Protocol):
     """The middleware as errors name it, such as `Zenoh`."""
     place: str
     """The address to which other programs send this program's datagrams, "" before `open`."""
+    discovery_ends: float
+    """The instant on the loop's clock until which `open` may have missed a program, 0 if never."""
 
     async def open(self, events: EngineEvents) -> None:
         """Join the middleware. Raises TaskRpcError with what the user can do.

@@ -100,6 +100,7 @@ class MemoryNetwork:
     certificate = ""
     native = None
     problem = ""
+    discovery_ends = 0.0
 
     def __init__(
         self,

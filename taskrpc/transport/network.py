@@ -83,6 +83,10 @@ class Network(Protocol):
         """Begin to see other programs. May be called again. Raises TaskRpcError."""
 
     @property
+    def discovery_ends(self) -> float:
+        """Until when programs that run already may be unknown (loop's clock), 0 if never."""
+
+    @property
     def native(self) -> NativeSide | None:
         """The middleware's own services and topics; None without a middleware."""
 

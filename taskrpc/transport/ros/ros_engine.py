@@ -37,6 +37,9 @@ SETTLE = 0.5
 SETTLE_ALONE = 1.3
 """Seconds to wait while no other program is found: DDS repeats its question after one second."""
 _LONGEST_SETTLE = 2.5
+DISCOVERY = 5.0
+"""Seconds after the start in which DDS finds the other programs even if it loses a message: it
+repeats messages after three seconds. Until then, a call waits for a server of its service."""
 _FIRST_LOOK = 0.02
 
 
@@ -52,6 +55,7 @@ class RosEngine:
 
     def __init__(self, domain: int) -> None:
         self.place = ""
+        self.discovery_ends = 0.0
         self._domain = domain
         self._ros = real_rclpy()
         self._bytes_class = ros_class(bytes_message.TYPE)
@@ -89,6 +93,7 @@ class RosEngine:
         except Exception as error:  # rclpy's own errors have no common class
             raise TaskRpcError(f"ROS 2 cannot start here: {error}") from None
         self.place = place_of(self._id)
+        self.discovery_ends = self._loop.time() + DISCOVERY
         self._events = events
         self._links.open(self._node, self._id, _Reports(self, events))
         self._graph = Graph(self._ros, self._node, types.service_hash)

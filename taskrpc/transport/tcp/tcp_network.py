@@ -57,6 +57,7 @@ class TcpNetwork:
 
     native = None
     problem = ""
+    discovery_ends = 0.0
 
     def __init__(
         self,

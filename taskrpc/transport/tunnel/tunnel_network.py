@@ -99,6 +99,11 @@ class TunnelNetwork:
         self._table.end_all("the node was destroyed", tell=True)
         self._engine.close()
 
+    @property
+    def discovery_ends(self) -> float:
+        """Until when the engine may not know all programs."""
+        return self._engine.discovery_ends
+
     # Network: connections
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:

@@ -73,6 +73,7 @@ class ZenohEngine:
     """One program's access to Zenoh."""
 
     name = "Zenoh"
+    discovery_ends = 0.0  # `open` asks for all programs
 
     def __init__(self, domain: int, configuration: Configuration) -> None:
         self.place = ""

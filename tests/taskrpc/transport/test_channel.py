@@ -108,6 +108,32 @@ async def test_call_that_finds_no_other_server_fails_at_once():
         assert (await running).sum == 1
 
 
+async def test_call_waits_for_a_server_while_the_network_discovers_programs():
+    loop = asyncio.get_running_loop()
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        node._transport.network.discovery_ends = loop.time() + 5
+        client = node.create_client(Add, "add")
+        calling = client.call_async(ask(1, 2), timeout=10)
+        await asyncio.sleep(2)
+        server.create_service(Add, "add", add)
+        assert (await calling).sum == 3
+
+
+@pytest.mark.parametrize(("timeout", "waited"), [(1.0, 1.0), (20.0, 5.0), (None, 5.0)])
+async def test_call_waits_no_longer_than_discovery_and_its_deadline(timeout, waited):
+    loop = asyncio.get_running_loop()
+    async with taskrpc.Node("client", transport="memory") as node:
+        node._transport.network.discovery_ends = loop.time() + 5
+        began = loop.time()
+        with pytest.raises(taskrpc.ServiceUnavailable, match=r"^no server offers /add$") as caught:
+            await node.create_client(Add, "add").call(ask(1), timeout=timeout)
+        assert caught.value.not_executed
+        assert loop.time() - began == pytest.approx(waited)
+
+
 async def test_server_of_another_type_is_reported_once_while_a_client_waits(caplog):
     async with (
         taskrpc.Node("server", transport="memory", token="s") as server,

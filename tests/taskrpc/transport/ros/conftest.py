@@ -27,6 +27,7 @@ def ros(monkeypatch):
     monkeypatch.setattr(ros_engine, "real_rclpy", lambda: made)
     monkeypatch.setattr(conversion, "message_class", lambda name: fake_class(name))
     monkeypatch.setattr(native_services, "_POLL", 0.001)
+    monkeypatch.setattr(ros_engine, "DISCOVERY", 0.0)
     monkeypatch.setattr(ros_engine, "SETTLE", 0.0)
     monkeypatch.setattr(ros_engine, "SETTLE_ALONE", 0.0)
     return made
