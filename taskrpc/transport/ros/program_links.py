@@ -29,6 +29,8 @@ LEASE = 4.0
 """Seconds after which a silent program counts as gone."""
 _MOST_WAITING = 1000
 """Datagrams for one program that wait until DDS has connected the topic."""
+_MOST_EARLY = 100
+"""Datagrams for programs that are not in the graph yet."""
 
 
 def id_of_node(name: str) -> str:
@@ -56,6 +58,8 @@ class ProgramLinks:
         self._announcer: Any = None
         self._programs: dict[str, _Program] = {}
         """The other programs by id."""
+        self._early: deque[tuple[str, bytes]] = deque(maxlen=_MOST_EARLY)
+        """Responses to programs whose datagrams arrived before this program saw their nodes."""
 
     def open(self, node: Any, own_id: str, events: EngineEvents) -> None:
         """Create the topics of this program on its hidden node."""
@@ -76,6 +80,7 @@ class ProgramLinks:
         self._events = None
         senders = [each.sender for each in self._programs.values() if each.sender is not None]
         self._programs.clear()
+        self._early.clear()
         return senders
 
     @property
@@ -92,11 +97,14 @@ class ProgramLinks:
         """Send a datagram; it waits until DDS has connected the two programs."""
         if self._events is None:
             return
-        program = self._programs.get(place.removeprefix(_PLACE))
+        key = place.removeprefix(_PLACE)
+        program = self._programs.get(key)
         if program is not None:
             program.send(datagram)
-        elif place == place_of(self._id):
+        elif key == self._id:
             self._handoff.put(self._deliver, datagram)
+        elif _ID.fullmatch(key):
+            self._early.append((key, datagram))
 
     def look(self, nodes: Iterable[str]) -> None:
         """Compare the known programs with the names of all nodes in ROS's graph."""
@@ -108,7 +116,11 @@ class ProgramLinks:
             if program.is_reported:
                 self._report_gone(gone)
         for new in present - self._programs.keys():
-            self._programs[new] = _Program(self, new)
+            self._programs[new] = program = _Program(self, new)
+            for datagram in [each for key, each in self._early if key == new]:
+                program.send(datagram)
+        waiting = [each for each in self._early if each[0] not in present]
+        self._early = deque(waiting, maxlen=_MOST_EARLY)
 
     # For _Program
 

@@ -106,6 +106,25 @@ async def test_datagram_to_an_unknown_place_is_dropped(pair):
     await asyncio.sleep(0)
 
 
+async def test_response_waits_until_the_graph_shows_the_program_that_asked(pair):
+    # DDS may deliver a program's first datagram before it shows the program's node.
+    other = "c" * 16
+    for text in (b"one", b"two"):
+        pair.a.links.send(place_of(other), text)
+    node, events = pair.ros.new_node(f"_taskrpc_{other}"), Events()
+    late = ProgramLinks(pair.ros, object, Handoff(asyncio.get_running_loop()))
+    late.open(node, other, events)
+    pair.a.links.look([each.name for each in pair.ros.nodes])
+    await asyncio.sleep(0)
+    assert events.got == [("received", b"one"), ("received", b"two")]
+
+
+async def test_datagrams_for_programs_that_never_appear_are_bounded(pair):
+    for number in range(1000):
+        pair.a.links.send(f"ros/{number:016x}", b"x")
+    assert len(pair.a.links._early) == 100
+
+
 async def test_program_that_leaves_the_graph_is_gone(pair):
     pair.a.links.look([pair.a.node.name])
     assert pair.a.events.got[-1] == ("gone", place_of(B))
