@@ -147,11 +147,11 @@ class RosEngine:
     def _leave(self, context: Any, senders: list[Any]) -> None:
         for sender in senders:
             wait_until_sent(self._ros, sender)
-        for spinner in self._spinners:
-            spinner.close()
-        for node, _ in [*self._nodes.values(), (self._node, 1)]:
-            with contextlib.suppress(Exception):
-                node.destroy_node()
+        # The hidden node is the last one: DDS leaves the domain with it.
+        have_ended = [spinner.close() for spinner in reversed(self._spinners)]
+        if not all(have_ended):
+            log.warning("a thread of rclpy hangs: its nodes stay until the program ends")
+            return  # rclpy crashes if the context is destroyed while a thread uses it
         with contextlib.suppress(Exception):
             context.try_shutdown()
         with contextlib.suppress(Exception):
@@ -246,8 +246,7 @@ class RosEngine:
             if client.node is node:
                 del self._clients[key]
                 client.close()
-        self._spinners[1].remove(node)
-        self._ending.put(node.destroy_node)  # after its publishers
+        self._ending.put(self._spinners[1].remove, node)  # after its publishers
 
     def _node_of(self, full_name: str) -> Any:
         """Return a node of this program; the hidden one for a name that is not known."""

@@ -55,7 +55,8 @@ class Executor:
 
     def __init__(self, *, context):
         self.nodes = []
-        self._end = threading.Event()
+        self._woken = threading.Event()
+        self.is_spinning = False
 
     def add_node(self, node):
         self.nodes.append(node)
@@ -64,10 +65,16 @@ class Executor:
         self.nodes.remove(node)
 
     def spin_once(self, timeout_sec):
-        self._end.wait(timeout_sec)
+        self.is_spinning = True
+        self._woken.wait(timeout_sec)
+        self._woken.clear()
+        self.is_spinning = False
+
+    def create_task(self, callback):
+        self._woken.set()
 
     def shutdown(self, timeout_sec):
-        self._end.set()
+        assert not self.is_spinning
 
 
 class Ros:
@@ -136,6 +143,7 @@ class Endpoint:
 
     def wait_for_all_acked(self, seconds):
         self.waited.append(seconds)
+        return True
 
     def get_subscription_count(self):
         return len(self.others)

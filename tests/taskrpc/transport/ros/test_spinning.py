@@ -1,12 +1,13 @@
-"""The thread of rclpy's executor, and the hand-off to the event loop."""
+"""The threads of rclpy's executors, and the thread that ends things."""
 
 from __future__ import annotations
 
 import threading
+from types import SimpleNamespace
 
 import pytest
 
-from taskrpc.transport.ros.spinning import Ending, Spinner
+from taskrpc.transport.ros.spinning import Ending, Spinner, wait_until_sent
 from tests.taskrpc.transport.ros.fake_ros import Context, Ros
 
 
@@ -33,12 +34,28 @@ def test_end_of_python_waits_for_the_last_action():
     assert seen == ["last"]
 
 
-@pytest.mark.real_time
-def test_thread_runs_from_the_first_node_to_the_end(caplog):
-    context, errors = Context(), []
+class FakeNode:
+    """Notes the thread that destroys it, and whether its executor waited meanwhile."""
+
+    def __init__(self, spinner):
+        self.spinner = spinner
+        self.destroyed = []
+
+    def destroy_node(self):
+        is_spinning = self.spinner._executor.is_spinning
+        self.destroyed.append((threading.current_thread(), is_spinning))
+
+
+@pytest.fixture
+def spinner():
+    context = Context()
     context.init([], initialize_logging=False, domain_id=0)
-    spinner = Spinner(Ros(), context, "test")
-    spun = threading.Event()
+    return Spinner(Ros(), context, "test")
+
+
+@pytest.mark.real_time
+def test_thread_runs_from_the_first_node_to_the_end(spinner, caplog):
+    errors, spun = [], threading.Event()
 
     def spin_once(timeout_sec):
         spun.set()
@@ -48,8 +65,52 @@ def test_thread_runs_from_the_first_node_to_the_end(caplog):
 
     spinner._executor.spin_once = spin_once
     assert not spun.is_set()
-    spinner.add("node")
+    spinner.add(FakeNode(spinner))
     assert spun.wait(10)
-    spinner.close()
+    assert spinner.close()
     assert not spinner._thread.is_alive()
     assert "a damaged message" in caplog.text
+
+
+@pytest.mark.real_time
+def test_nodes_are_destroyed_in_the_thread_while_rclpy_does_not_wait(spinner):
+    removed, left = FakeNode(spinner), FakeNode(spinner)
+    spinner.add(removed)
+    spinner.add(left)
+    spinner.remove(removed)
+    assert spinner.close()
+    assert removed.destroyed == left.destroyed == [(spinner._thread, False)]
+
+
+@pytest.mark.real_time
+def test_nodes_are_destroyed_after_the_end_of_the_context_too(spinner):
+    node = FakeNode(spinner)
+    spinner.add(node)
+    spinner._context.try_shutdown()
+    assert spinner.close()
+    assert node.destroyed == [(spinner._thread, False)]
+
+
+@pytest.mark.real_time
+def test_nodes_of_a_thread_that_hangs_are_not_destroyed(spinner, monkeypatch):
+    monkeypatch.setattr("taskrpc.transport.ros.spinning._JOIN_TIMEOUT", 0.05)
+    hang, node = threading.Event(), FakeNode(spinner)
+    spinner._executor.spin_once = lambda timeout_sec: hang.wait(10)
+    spinner.add(node)
+    assert not spinner.close()
+    assert node.destroyed == []
+    hang.set()
+    spinner._thread.join(10)
+    assert node.destroyed == [(spinner._thread, False)]
+
+
+@pytest.mark.real_time
+def test_waiting_for_the_last_messages_asks_often_for_a_short_time(monkeypatch):
+    # One long question would keep Python's lock.
+    monkeypatch.setattr("taskrpc.transport.ros.spinning._SEND_TIMEOUT", 0.1)
+    asked = []
+    ros = Ros()
+    publisher = SimpleNamespace(wait_for_all_acked=asked.append)
+    wait_until_sent(ros, publisher)
+    assert len(asked) > 1
+    assert set(asked) == {0}
