@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import itertools
 import json
 import os
 import re
@@ -30,6 +29,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TypeMismatch,
 )
+from tests.ros_domains import own_domains
 
 pytestmark = [pytest.mark.real_time, pytest.mark.filterwarnings("ignore::DeprecationWarning")]
 
@@ -39,12 +39,11 @@ Trigger = srvgen.load("std_srvs/srv/Trigger")
 SetBool = srvgen.load("std_srvs/srv/SetBool")
 String = srvgen.load("std_msgs/msg/String")
 AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
-_domains = itertools.cycle(range(100, 121))
 
 
 @pytest.fixture(autouse=True)
 def _own_domain(monkeypatch):
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(next(_domains)))
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(next(own_domains())))
     monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
 
 
@@ -230,6 +229,15 @@ async def test_package_that_ros_has_not_built_works_between_taskrpc_programs(sta
     assert (await adding.call(AddTwoInts.Request(a=1, b=2))).sum == 3
 
 
+async def test_call_made_at_once_waits_until_dds_finds_the_server(stack, peer, monkeypatch):
+    monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE", 0.0)
+    monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE_ALONE", 0.0)
+    peer("serve")
+    client = (await node(stack)).create_client(Trigger, "/ros_hello")
+    assert not client.service_is_ready()
+    assert (await client.call(Trigger.Request())).message == "hello from ROS"
+
+
 async def test_topics_flow_both_ways(stack, peer):
     peer("talk", "/from_ros", "volatile")
     ours = await node(stack)
@@ -291,7 +299,7 @@ async def test_each_side_sees_the_graph_of_the_other(stack, peer):
 async def test_programs_of_two_domains_do_not_see_each_other(stack, peer, monkeypatch):
     own = int(os.environ["ROS_DOMAIN_ID"])
     peer("serve", domain=own)
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(own + 21))
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(next(own_domains())))
     there = await node(stack)
     assert not await there.create_client(Trigger, "/ros_hello").wait_for_service(2)
     monkeypatch.setenv("ROS_DOMAIN_ID", str(own))

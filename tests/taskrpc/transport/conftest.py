@@ -14,11 +14,9 @@ import taskrpc
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport import shared_endpoint
 from taskrpc.transport.shared_endpoint import Registration
+from tests.ros_domains import own_domains
 from tests.taskrpc.transport import helpers
 from tests.taskrpc.transport.contract.transports import CASES, LOOPS, case_of
-
-_numbers = itertools.count()
-"""Counts the tests of transports with several domains."""
 
 
 def is_contract(path):
@@ -62,6 +60,7 @@ class Network:
         self._case = case
         self._stack = stack
         self._count = itertools.count()
+        self._networks = []
 
     def options(self, name="server", *, shared=False, **options):
         """Return the arguments of a node."""
@@ -71,7 +70,23 @@ class Network:
 
     async def node(self, name="server", *, shared=False, **options):
         node = taskrpc.Node(name, **self.options(name, shared=shared, **options))
-        return await self._stack.enter_async_context(node)
+        await self._stack.enter_async_context(node)
+        if self.transport == "ros":
+            await self._until_discovered(node._transport.network)
+        return node
+
+    async def _until_discovered(self, network):
+        """Wait until DDS has shown the programs of the test to each other."""
+        self._networks = [each for each in self._networks if not each._closed]
+        pairs = [
+            pair
+            for each in self._networks
+            if each is not network and each.domain == network.domain
+            for pair in ((each, network), (network, each))
+        ]
+        if network not in self._networks:
+            self._networks.append(network)
+        await helpers.until(lambda: all(to._engine.place in of._directory for of, to in pairs))
 
     def reaching(self, server):
         """Return the arguments with which a node with another secret reaches the server."""
@@ -102,13 +117,12 @@ async def net(monkeypatch, request):
     if case.opener:
         registration = Registration(case.opener)
         monkeypatch.setitem(shared_endpoint.TRANSPORTS, case.transport, registration)
-    if case.domains:
-        domain = case.domains[next(_numbers) % len(case.domains)]
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    if case.transport == "ros":
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(next(own_domains())))
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        # All programs of a test are in this process: the first one has nobody to wait for.
-        monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE", 0.5)
-        monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE_ALONE", 0.5)
+        # `Network.node` waits as long as DDS needs, mostly less than a fixed time.
+        monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE", 0.0)
+        monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE_ALONE", 0.0)
     if case.transport == "zenoh":
         place = request.getfixturevalue("zenoh_router")
         monkeypatch.setenv("ZENOH_CONFIG_OVERRIDE", f'connect/endpoints=["tcp/{place}"]')

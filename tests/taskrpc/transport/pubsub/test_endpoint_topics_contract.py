@@ -139,10 +139,14 @@ async def test_latecomers_get_the_last_messages_of_a_transient_local_publisher(n
         publisher.publish(Int32(data=number))
     # A middleware may still have the messages on their way: then they would be no earlier ones.
     await asyncio.sleep(0.1)
-    listener.create_subscription(Int32, "counts", got.append, LATCHED)
-    listener.create_subscription(Int32, "counts", volatile.append)
-    talker.create_subscription(Int32, "counts", own.append, LATCHED)
+    subscriptions = [
+        listener.create_subscription(Int32, "counts", got.append, LATCHED),
+        listener.create_subscription(Int32, "counts", volatile.append),
+        talker.create_subscription(Int32, "counts", own.append, LATCHED),
+    ]
     await until(lambda: publisher.get_subscription_count() == 3)
+    await until(lambda: all(each.get_publisher_count() == 1 for each in subscriptions))
+    await until(lambda: len(got) == 3)
     publisher.publish(Int32(data=10))
     await until(lambda: got and volatile and own and volatile[0].data == got[-1].data)
     assert numbers(got) == [7, 8, 9, 10]
