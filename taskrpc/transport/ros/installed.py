@@ -41,7 +41,8 @@ def _advice(package: str) -> str:
     distribution = os.environ.get("ROS_DISTRO")
     if distribution:  # ROS's setup file sets it
         return f"install it: apt install ros-{distribution}-{name}"
-    return f"install it: pip install ros-{name}, or with apt ros-$ROS_DISTRO-{name}"
+    pip = f"pip install ros-{name} if PyPI has this package"
+    return f"install it: apt install ros-$ROS_DISTRO-{name}, or {pip}"
 
 
 def real_rclpy() -> Any:

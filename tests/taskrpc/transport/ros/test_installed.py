@@ -76,7 +76,13 @@ def test_package_of_the_user_is_to_be_built_and_not_installed(monkeypatch, packa
 
 @pytest.mark.parametrize(
     ("distribution", "command"),
-    [("kilted", "apt install ros-kilted-nav-msgs"), ("", "pip install ros-nav-msgs")],
+    [
+        ("kilted", "apt install ros-kilted-nav-msgs$"),
+        (
+            "",
+            r"apt install ros-\$ROS_DISTRO-nav-msgs, or pip install ros-nav-msgs if PyPI has this",
+        ),
+    ],
 )
 def test_package_of_ros_is_to_be_installed(monkeypatch, distribution, command):
     monkeypatch.setenv("ROS_DISTRO", distribution)
