@@ -164,6 +164,8 @@ async def test_a_call_that_expired_in_the_servers_queue_never_starts(net):
     assert {type(error) for error in errors} == {taskrpc.DeadlineExceeded}
     known = {error.not_executed for error in errors}
     assert known == {True} if net.is_virtual else known <= {True, None}
+    if not net.is_virtual:  # the server counts from the arrival of the calls
+        await asyncio.sleep(0.3)
     gate.opened.set()
     await first
     assert (await client.call(ask(1000))).sum == 1000
