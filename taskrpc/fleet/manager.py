@@ -11,7 +11,7 @@ from functools import partial
 from taskrpc.errors import TaskRpcError
 from taskrpc.fleet import rules
 from taskrpc.fleet.lease import LeaseKeeper, Report
-from taskrpc.fleet.model import LEASE, RobotRecord
+from taskrpc.fleet.model import LEASE
 from taskrpc.fleet.offers import waits_for
 from taskrpc.fleet.own_robot import OwnRobot
 from taskrpc.fleet.plan import HORIZON, FleetPlan, Planned
@@ -20,7 +20,7 @@ from taskrpc.fleet.state import FleetState
 from taskrpc.fleet.store import FleetStore, RequestKey
 from taskrpc.fleet.worker import FleetWorker
 from taskrpc.robot.protocol import Robot
-from taskrpc.tasks.managed import Completing, QueueSettings
+from taskrpc.tasks.managed import Completing, QueueSettings, RobotStatus
 from taskrpc.tasks.managed_robot import ManagedRobot
 from taskrpc.tasks.model import RUNNING_KEY, EstimateChange, OrderKey, Task, TaskState
 from taskrpc.tasks.queue.estimate_log import DelayLog
@@ -198,9 +198,21 @@ class FleetManager(ManagedRobot):
             return ""
         return waits_for(self.store.state, self.store.now(), task)
 
-    def robots(self) -> Sequence[RobotRecord]:
+    def robots(self) -> Sequence[RobotStatus]:
         """Return the fleet's robots that run, or have run lately, sorted by name."""
-        return self.store.state.known_robots(self.store.now())
+        state, now = self.store.state, self.store.now()
+        own = state.robots.get(self.name)
+        return [
+            RobotStatus(
+                robot.name,
+                robot.activity(now),
+                robot.at,
+                robot.task_id,
+                is_own=robot.name == self.name,
+                is_on_map=own is not None and robot.size == own.size,
+            )
+            for robot in state.known_robots(now)
+        ]
 
     def update_estimates(self) -> None:
         """Do nothing: estimates are computed when they are asked for."""

@@ -82,6 +82,12 @@ class RobotRecord(msgspec.Struct, frozen=True, kw_only=True):
         """Return whether its server holds a lease."""
         return not self.is_gone and self.lease_until > now
 
+    def activity(self, now: float) -> str:
+        """Return what the robot does: `idle`, `running`, `paused` or `away`."""
+        if not self.is_live(now):
+            return "away"
+        return "paused" if self.paused else "running" if self.task_id else "idle"
+
     @property
     def process(self) -> str:
         """Where its server runs, for error texts: process, machine and address."""

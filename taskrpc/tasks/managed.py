@@ -33,6 +33,22 @@ class QueueSettings(msgspec.Struct, frozen=True, kw_only=True):
     """Real seconds that an idle robot waits for more tasks before it takes the first one."""
 
 
+class RobotStatus(msgspec.Struct, frozen=True):
+    """What one robot of a fleet does now."""
+
+    name: str
+    state: str
+    """`idle`, `running`, `paused` or `away`."""
+    pose: Pose | None
+    """Where it was at its last report; None if it never reported."""
+    task_id: int = 0
+    """The task that it executes; 0 for none."""
+    is_own: bool = False
+    """Whether this server drives it."""
+    is_on_map: bool = True
+    """Whether its map has the size of this server's map, so that the page can show it there."""
+
+
 class TaskRecords(Protocol):
     """The remembered tasks."""
 
@@ -99,6 +115,9 @@ class ManagedTasks(Protocol):
 
     def waits_for(self, task: Task) -> str:
         """Return which robots of a fleet a queued task waits for while none of them works."""
+
+    def robots(self) -> Sequence[RobotStatus]:
+        """Return the robots of a fleet, sorted by name; none without a fleet."""
 
     def telemetry(self) -> Telemetry:
         """Return what this server's robot reports about itself."""

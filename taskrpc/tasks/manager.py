@@ -10,7 +10,7 @@ from functools import partial
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.robot.protocol import Robot
-from taskrpc.tasks.managed import Completing, QueueSettings
+from taskrpc.tasks.managed import Completing, QueueSettings, RobotStatus
 from taskrpc.tasks.managed_robot import ManagedRobot
 from taskrpc.tasks.model import RUNNING_KEY, EstimateChange, OrderKey, Task, TaskState
 from taskrpc.tasks.queue.estimate_log import DelayLog
@@ -192,6 +192,10 @@ class TaskManager(ManagedRobot):
     def waits_for(self, task: Task) -> str:
         """Return "": there is only one robot, and it works."""
         return ""
+
+    def robots(self) -> Sequence[RobotStatus]:
+        """Return nothing: there is no fleet."""
+        return ()
 
     # Changes; each returns when it is stored
 

@@ -7,12 +7,13 @@ from typing import Any
 import msgspec
 
 from taskrpc.robot.world import World
+from taskrpc.tasks.managed import RobotStatus
 from taskrpc.tasks.model import BEFORE_RUNNING_KEY, RUNNING_KEY, Task, TaskState
 from taskrpc.tasks.queue.estimate_log import DelayEvent
 
 PROTOCOL = 1
 """The version of the events; a page of another version reloads itself."""
-MAX_QUEUE, MAX_ENDED, MAX_MOVES, MAX_RANGES, MAX_NODES = 50, 30, 20, 4096, 100
+MAX_QUEUE, MAX_ENDED, MAX_MOVES, MAX_RANGES, MAX_NODES, MAX_ROBOTS = 50, 30, 20, 4096, 100, 50
 """The most entries of each list."""
 MIN_MOVE = 0.1
 """Seconds; smaller changes of an estimate are not shown."""
@@ -55,6 +56,20 @@ def task_json(task: Task, estimated_time: float, robot: str = "") -> dict[str, A
         "submitted": task.submitted_at,
         "started": task.started_at,
         "ended": task.ended_at,
+    }
+
+
+def robot_json(robot: RobotStatus, task: Task | None) -> dict[str, Any]:
+    """Return a robot of a fleet, with the task that it executes."""
+    pose = robot.pose if robot.is_on_map else None
+    return {
+        "name": robot.name,
+        "state": robot.state,
+        "x": None if pose is None else round(pose.x, 2),
+        "y": None if pose is None else round(pose.y, 2),
+        "task_id": robot.task_id,
+        "what": "" if task is None else f"{task.task_type} {task.target}",
+        "own": robot.is_own,
     }
 
 

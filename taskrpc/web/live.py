@@ -27,11 +27,13 @@ from taskrpc.tasks.page_events import (
     MAX_MOVES,
     MAX_NODES,
     MAX_QUEUE,
+    MAX_ROBOTS,
     MIN_MOVE,
     PROTOCOL,
     concerns,
     map_json,
     result_json,
+    robot_json,
     scan_json,
     task_json,
 )
@@ -89,6 +91,8 @@ class LiveTasks:
         self._counts: Counter[str] = Counter()
         self._scan_id = 0
         """The task of the last `scan` event."""
+        self._fleet: list[dict[str, Any]] = []
+        """The robots of the last `fleet` event; always empty without a fleet."""
         self._robot: tuple[object, ...] = ()
         self._pose: object = None
         self._path: object = None
@@ -97,6 +101,7 @@ class LiveTasks:
         """Yield the events for everything that has changed since the last call."""
         yield from self._tasks_event(now, wall)
         yield from self._robot_events(now, wall)
+        yield from self._fleet_event()
 
     def _tasks_event(self, now: float, wall: float) -> Iterator[Event]:
         manager, feed = self._manager, self._manager.change_feed
@@ -157,6 +162,13 @@ class LiveTasks:
                 self._scan_id = task.task_id
                 yield _event("scan", scan)
             return
+
+    def _fleet_event(self) -> Iterator[Event]:
+        find = self._manager.repository.find
+        robots = [robot_json(each, find(each.task_id)) for each in self._manager.robots()]
+        if robots != self._fleet:
+            self._fleet = robots
+            yield _event("fleet", {"robots": robots[:MAX_ROBOTS]})
 
     def _note_moves(self, tasks: Sequence[Task], wall: float) -> bool:
         """Note which shown tasks will end at another time than before, and why."""

@@ -32,15 +32,18 @@ export class MapView {
     this.floor = drawn("g");
     this.places = drawn("g");
     this.names = drawn("g.place_names");
+    this.others = drawn("g.other_robots");
+    this.fleet = element("ul#fleet", { hidden: true, "aria-label": "Robots" });
     this.scan = drawn("g.scan");
     this.trail = drawn("polyline.trail");
     this.path = drawn("polyline#path");
     this.goal = drawn("g#goal", drawn("circle", { r: 9 }), drawn("path", { d: "M-13 0h8M5 0h8M0-13v8M0 5v8" }));
     // A drawing of its own, so that the browser moves it without painting the map again.
     this.robot = drawn("svg#robot", DRAWING, { hidden: true });
-    this.svg = drawn("svg#map_drawing", { role: "img", "aria-label": "Map" }, this.floor, this.places, this.scan, this.trail, this.path, this.goal, this.names);
+    this.svg = drawn("svg#map_drawing", { role: "img", "aria-label": "Map" }, this.floor, this.places, this.scan, this.trail, this.path, this.goal, this.others, this.names);
     this.hover = element("span.hover_text", DRAWING);
     this.empty = element("p.empty", "Waiting for the map.");
+    this.root.before(this.fleet);
     this.root.append(this.svg, this.robot, this.hover, this.empty);
     this.battery = element("span#battery", icon("battery"), element("span"));
     this.pose = element("span#pose");
@@ -88,7 +91,7 @@ export class MapView {
     this.drawFloor(map);
     this.drawPlaces(map);
     this.drawRobot(map);
-    this.update(new Set(["path", "scan", "robot"]));
+    this.update(new Set(["path", "scan", "robot", "fleet"]));
   }
 
   at([x, y]) {
@@ -162,6 +165,7 @@ export class MapView {
   update(changed) {
     if (changed.has("hello")) return this.draw();
     if (changed.has("robot") || changed.has("connection")) this.updateText();
+    if (changed.has("fleet")) this.drawFleet();
     if (!this.scale) return;
     if (changed.has("path")) {
       const list = this.model.path.points;
@@ -186,6 +190,20 @@ export class MapView {
     if (robot.battery != null) setText(this.battery.lastChild, `${Math.round(robot.battery)} %`);
     setAttribute(this.battery, "data-low", robot.battery < 20);
     setAttribute(this.svg, "aria-label", `Map. The robot is at x ${robot.x.toFixed(1)}, y ${robot.y.toFixed(1)} and is ${robot.moving ? "moving" : "standing"}.`);
+  }
+
+  /** List the robots of a fleet, and draw the others that run on a map of this size. */
+  drawFleet() {
+    const robots = this.model.fleet?.robots ?? [];
+    this.fleet.hidden = robots.length === 0;
+    this.fleet.replaceChildren(...robots.map(({ name, state, what }) => element("li", `${name}: ${state}${what && ` ${what}`}`)));
+    if (!this.scale) return;
+    const others = robots.filter(({ own, state, x }) => !own && state !== "away" && x != null);
+    const marks = others.flatMap(({ name, x, y }) => {
+      const [cx, cy] = this.at([x, y]);
+      return [drawn("circle", { cx, cy, r: 7 * this.unit }), drawn("text", { x: cx, y: cy + 20 * this.unit, "text-anchor": "middle" }, name)];
+    });
+    this.others.replaceChildren(...marks);
   }
 
   drawScan() {

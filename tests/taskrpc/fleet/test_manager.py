@@ -3,6 +3,7 @@ import contextlib
 from collections import Counter
 from itertools import pairwise
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -12,6 +13,7 @@ from taskrpc.fleet.manager import FleetManager, FleetSettings
 from taskrpc.fleet.store import MemoryFleet, MemoryFleetStore
 from taskrpc.robot import Box, KinematicRobot, TargetError, World, default_world
 from taskrpc.tasks.pages import page
+from taskrpc.web.live import LiveTasks
 from tests.taskrpc.fleet.fakes import Fleet
 from tests.taskrpc.tasks.fakes import LineRobot
 
@@ -253,8 +255,35 @@ async def test_servers_know_where_every_robot_is(fleet):
     await submitted(first, 20)
     await asyncio.sleep(5)
     driving, idle = sorted(second.robots(), key=lambda robot: not robot.task_id)
-    assert 0 < driving.at.x < 20
-    assert idle.at == idle.pose
+    assert 0 < driving.pose.x < 20
+    assert (driving.state, driving.task_id, idle.state) == ("running", 1, "idle")
+    assert [each.name for each in (driving, idle) if each.is_own] == ["r2"]
+    await first.pause(robot=driving.name)
+    await asyncio.sleep(1)
+    assert [each.state for each in second.robots() if each.name == driving.name] == ["paused"]
+    await fleet.managers.pop("r1").close()
+    await asyncio.sleep(0.1)
+    assert {each.name: each.state for each in second.robots()}["r1"] == "away"
+
+
+async def test_live_page_gets_the_robots_when_they_change(fleet):
+    first, second = [await fleet.add(f"r{number}") for number in (1, 2)]
+    live = LiveTasks(first)
+    await asyncio.sleep(0.1)
+
+    def robots():
+        found = {each.name: msgspec.json.decode(each.json) for each in live.events(0.0, 0.0)}
+        return found.get("fleet", {}).get("robots")
+
+    assert [(each["name"], each["state"], each["own"]) for each in robots()] == [
+        ("r1", "idle", True),
+        ("r2", "idle", False),
+    ]
+    assert robots() is None
+    await submitted(second, 20)
+    await asyncio.sleep(0.5)
+    [running] = [each for each in robots() if each["state"] == "running"]
+    assert (running["task_id"], running["what"]) == (1, "move 20")
 
 
 async def test_stop_halts_all_robots_and_pauses_the_queue(fleet):

@@ -8,6 +8,8 @@ import msgspec
 import pytest
 
 from taskrpc.robot import default_world
+from taskrpc.robot.protocol import Pose
+from taskrpc.tasks.managed import RobotStatus
 from taskrpc.tasks.model import BEFORE_RUNNING_KEY, Task, TaskState
 from taskrpc.tasks.page_events import (
     MAX_RANGES,
@@ -15,6 +17,7 @@ from taskrpc.tasks.page_events import (
     concerns,
     map_json,
     result_json,
+    robot_json,
     scan_json,
     task_json,
 )
@@ -109,3 +112,13 @@ def test_client_of_a_command_has_its_process_id_as_label(node: str, label: str) 
     assert client_label(node) == label
     task = msgspec.structs.replace(TASK, client=node)
     assert task_json(task, 0.0)["client"] == label
+
+
+def test_robot_of_another_map_has_no_place_on_this_one():
+    pose = Pose(1.234, 2.0, 0.0)
+    here = robot_json(RobotStatus("r1", "idle", pose, is_own=True), None)
+    assert here == {
+        "name": "r1", "state": "idle", "x": 1.23, "y": 2.0, "task_id": 0, "what": "", "own": True
+    }  # fmt: skip
+    other = robot_json(RobotStatus("r2", "idle", pose, is_on_map=False), None)
+    assert (other["x"], other["y"]) == (None, None)
