@@ -308,9 +308,9 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
             began = self._loop.time()
             try:
                 return await self._result.call(request, timeout=None)
-            except ServiceUnavailable:
-                raise self._unknown(handle, "has ended") from None
-            except (ConnectionLost, ServerBusy) as error:
+            except (ConnectionLost, ServerBusy, ServiceUnavailable) as error:
+                if isinstance(error, ServiceUnavailable) and not self._result.service_is_ready():
+                    raise self._unknown(handle, "has ended") from None
                 if self._loop.time() - began > STEADY:
                     waits = iter(RECONNECTS)
                 wait = next(waits, None)
