@@ -1,8 +1,10 @@
 """taskrpc on the real rclpy from PyPI, in an environment of its own.
 
 The tests themselves are in `inside_ros`, because they run in that environment. To use an
-environment that exists, set `TASKRPC_TEST_ROS` to its Python. `TASKRPC_TEST_ROS_ALL=1` adds the ROS
-programs and the contract suite: rclpy sometimes crashes there when a node is destroyed.
+environment that exists, set `TASKRPC_TEST_ROS` to its Python. Of the contract suite, the tests run
+that need less than a minute; this command runs all of them:
+
+    python -m pytest -m interop -n 5 -k ros tests/taskrpc/transport
 """
 
 from __future__ import annotations
@@ -17,8 +19,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = "rclpy rmw-fastrtps-cpp std-srvs std-msgs test-msgs geometry-msgs".split()
-TOOLS = ["pytest", "pytest-asyncio", "hypothesis"]
-LIMIT = 1800.0
+TOOLS = ["pytest", "pytest-asyncio", "pytest-xdist", "hypothesis"]
+LIMIT = 600.0
 """Seconds for one file; a real ROS program may hang."""
 HAS_WHEELS = (
     sys.platform == "linux"
@@ -45,33 +47,48 @@ def ros_python(tmp_path_factory):
         if os.environ.get("CI"):
             pytest.fail(f"cannot install the real rclpy: {reason}")
         pytest.skip(f"cannot install the real rclpy: {reason}")
-    own = [python, "-m", "pip", "install", "--quiet", "--editable", str(ROOT)]
+    own = [python, "-m", "pip", "install", "--quiet", "--editable", f"{ROOT}[tls]"]
     subprocess.run(own, check=True, timeout=900)
     return python
 
 
 INSIDE = {
-    "ROS programs": ["tests/interop/inside_ros/ros_programs.py"],
+    # The tests wait for DDS most of the time, so several processes share the processors.
+    "ROS programs": ["tests/interop/inside_ros/ros_programs.py", "-n", "4"],
     "messages": ["tests/interop/inside_ros/ros_messages.py"],
-    # Each test takes seconds, so the case with a token runs the most important file only.
     "contract": [
         "tests/taskrpc/transport/contract",
-        "tests/taskrpc/transport/pubsub",
+        "-n",
+        "5",
         "-k",
-        "native or test_calls",
+        "ros and (test_calls or test_programs or test_threads or test_exactly_once)"
+        " or native and ros and test_services",
     ],
 }
 """The tests that run in the environment, by what they are about."""
+_CRASH = "Fatal Python error"
+"""How Python's faulthandler begins."""
+
+
+def report(output: str) -> str:
+    """Return the end of what pytest printed; a crash of Python comes first."""
+    before, crash, threads = output.partition(_CRASH)
+    return f"{crash}{threads[:10_000]}\n[…]\n{output[-10_000:]}" if crash else before[-20_000:]
+
+
+def test_report_of_a_crash_begins_with_the_threads():
+    output = f"..{_CRASH}: Segmentation fault\n\nThread 1:\n" + 30_000 * "." + "\n1 failed"
+    assert report(output).startswith(f"{_CRASH}: Segmentation fault\n\nThread 1:\n")
+    assert report(output).endswith("1 failed")
+    assert report("one\n1 failed") == "one\n1 failed"
 
 
 @pytest.mark.parametrize("what", INSIDE)
 def test_inside_an_environment_with_the_real_rclpy(ros_python, what):
-    if what != "messages" and not os.environ.get("TASKRPC_TEST_ROS_ALL"):
-        pytest.skip("set TASKRPC_TEST_ROS_ALL=1: rclpy sometimes crashes when a node is destroyed")
-    command = [ros_python, "-m", "pytest", "-q", "-m", "interop", *INSIDE[what]]
+    command = [ros_python, "-X", "faulthandler", "-m", "pytest", "-q", "-m", "interop"]
     environment = {name: value for name, value in os.environ.items() if "PYTEST" not in name}
     ended = subprocess.run(
-        command,
+        [*command, *INSIDE[what]],
         cwd=ROOT,
         env=environment,
         stdout=subprocess.PIPE,
@@ -79,5 +96,5 @@ def test_inside_an_environment_with_the_real_rclpy(ros_python, what):
         text=True,
         timeout=LIMIT,
     )
-    assert ended.returncode == 0, ended.stdout[-20_000:]
+    assert ended.returncode == 0, report(ended.stdout)
     assert " passed" in ended.stdout
