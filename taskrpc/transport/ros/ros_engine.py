@@ -21,6 +21,7 @@ from taskrpc.transport.ros.installed import NotBuilt, real_rclpy, ros_class
 from taskrpc.transport.ros.native_services import NativeClient, NativeServer, Unserved
 from taskrpc.transport.ros.native_topics import Carrier, NativePublisher, NativeSubscription
 from taskrpc.transport.ros.program_links import NODE, ProgramLinks, place_of
+from taskrpc.transport.ros.security import is_on, security_problem
 from taskrpc.transport.ros.spinning import Ending, Spinner, wait_until_sent
 from taskrpc.transport.settings import Settings
 from taskrpc.transport.tunnel.directory import entry_in
@@ -91,7 +92,8 @@ class RosEngine:
         except TaskRpcError:
             raise
         except Exception as error:  # rclpy's own errors have no common class
-            raise TaskRpcError(f"ROS 2 cannot start here: {error}") from None
+            problem = security_problem(os.environ, str(error), os.path.isdir) or error
+            raise TaskRpcError(f"ROS 2 cannot start here: {problem}") from None
         self.place = place_of(self._id)
         self.discovery_ends = self._loop.time() + DISCOVERY
         self._events = events
@@ -105,7 +107,7 @@ class RosEngine:
         """Create context, node and threads; this blocks for some tenths of a second."""
         self._context = self._ros.context.Context()
         arguments = ["taskrpc"]
-        if os.environ.get("ROS_SECURITY_ENABLE", "").lower() != "true":
+        if not is_on(os.environ):
             arguments += ["--ros-args", "--enclave", ENCLAVE + self._id]
         self._context.init(arguments, initialize_logging=False, domain_id=self._domain)
         self._node = self._create_node(NODE + self._id, "/")
