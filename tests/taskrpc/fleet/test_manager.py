@@ -1,5 +1,6 @@
 import asyncio
 import contextlib
+import time
 from collections import Counter
 from itertools import pairwise
 
@@ -525,3 +526,24 @@ async def test_no_task_is_lost_or_runs_twice_whatever_happens_to_the_servers(ste
     await history.settle()
     history.check()
     await fleet.close()
+
+
+@pytest.mark.parametrize("hours", [-7.0, 5.0])
+async def test_clock_of_a_server_that_is_hours_wrong_changes_neither_lease_nor_times(
+    fleet, monkeypatch, hours
+):
+    wall = time.time
+    monkeypatch.setattr(time, "time", lambda: wall() + hours * 3600)
+    first = await fleet.add("r1")
+    monkeypatch.setattr(time, "time", wall)
+    second = await fleet.add("r2")
+    before = fleet.database.clock()
+    await submitted(first, 5, 5)
+    await asyncio.sleep(20)
+    for task in fleet.tasks().values():
+        assert task.state.value == "SUCCEEDED"
+        assert before <= task.submitted_at <= task.started_at <= task.ended_at
+        assert task.ended_at <= fleet.database.clock()
+    assert first.lease.is_valid
+    assert second.lease.is_valid
+    assert {robot.state for robot in second.robots()} == {"idle"}

@@ -6,9 +6,10 @@ import time
 import pytest
 
 from taskrpc.errors import StoreError
+from taskrpc.fleet import rules
 from taskrpc.fleet.store import AlreadyCompleted
 from taskrpc.request_ids.ids import Completion
-from tests.taskrpc.fleet.fakes import task
+from tests.taskrpc.fleet.fakes import robot, task
 from tests.taskrpc.tasks.records.store_rules import StoreRules
 
 psycopg = pytest.importorskip("psycopg")
@@ -220,3 +221,25 @@ async def test_fleet_without_its_row_is_explained(postgres_url, store):
         connection.execute("DELETE FROM taskrpc_fleet")
     with pytest.raises(StoreError, match="expected one row; restore it"):
         await store.transact(put(2))
+
+
+@pytest.mark.parametrize(("first_hours", "second_hours"), [(5, -7), (-7, 5)])
+async def test_leases_of_servers_with_wrong_clocks_end_by_the_databases_clock(
+    postgres_url, monkeypatch, first_hours, second_hours
+):
+    wall = time.time
+    stores, ends = [PostgresStore(postgres_url) for _ in range(2)], []
+    for name, store, hours in zip("ab", stores, (first_hours, second_hours), strict=True):
+        monkeypatch.setattr(time, "time", lambda hours=hours: wall() + hours * 3600)
+
+        def action(state, now, name=name):
+            ends.append(rules.join(state, now, robot(name), 6.0).lease_until)
+            return [each.name for each in state.live_robots(now)]
+
+        live = await store.transact(action)
+    monkeypatch.setattr(time, "time", wall)
+    assert live == ["a", "b"]
+    assert abs(ends[0] - ends[1]) < 60
+    for store in stores:
+        assert abs(store.now() - ends[1]) < 60
+        await store.close()
