@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from taskrpc.callinfo import current_call
-from taskrpc.errors import NameInUse
+from taskrpc.errors import Code, NameInUse, OutcomeUnknown, StoreError
 from taskrpc.exactly_once.executions import Execution
 from taskrpc.fleet.manager import FleetManager, FleetSettings
 from taskrpc.fleet.store import AlreadyCompleted, FleetStore
@@ -17,7 +17,7 @@ from taskrpc.request_ids.ids import ClientKey, Completion, StoredCompletions
 from taskrpc.robot.protocol import Robot
 from taskrpc.tasks.permissions import submitter
 from taskrpc.tasks.responses import Resumed, TaskResponse
-from taskrpc.tasks.server import OfferedTasks, completed, filled, nothing_done
+from taskrpc.tasks.server import OfferedTasks, completed, failed_call, filled, nothing_done
 
 
 class FleetServer(OfferedTasks):
@@ -107,6 +107,8 @@ class FleetServer(OfferedTasks):
         except AlreadyCompleted as already:
             assert execution is not None, "only an execution has a request key"
             return execution.completed_elsewhere(already.completion)
+        except (StoreError, OutcomeUnknown) as error:
+            raise failed_call(Code.UNAVAILABLE, error) from error
         if not result.success:
             nothing_done()
         return filled(response, result)

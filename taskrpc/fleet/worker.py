@@ -140,7 +140,7 @@ class FleetWorker:
     def lease_ended(self) -> None:
         """Halt the robot: another server may take its tasks over."""
         if execution := self.execution:
-            log.error("task %d is interrupted: %s", execution.task.task_id, _LEASE_ENDED)
+            log.error("the robot halts during task %d: %s", execution.task.task_id, _LEASE_ENDED)
             execution.interrupt(_LEASE_ENDED)
 
     async def halt(self, reason: str) -> str:

@@ -236,7 +236,7 @@ class OfferedTasks:
             try:
                 return await handler(request, response)
             except (StoreError, OutcomeUnknown) as error:
-                raise _failed(Code.INTERNAL, error) from error
+                raise failed_call(Code.INTERNAL, error) from error
 
         return guarded
 
@@ -446,14 +446,14 @@ class TaskServer(OfferedTasks):
                 completing=lambda result: completed(filled(response, result)),
             )
         except (StoreError, OutcomeUnknown) as error:
-            raise _failed(Code.UNAVAILABLE, error) from error
+            raise failed_call(Code.UNAVAILABLE, error) from error
         if result.success:
             return queued
         nothing_done()
         return filled(response, result)
 
 
-def _failed(unstored: Code, error: TaskRpcError) -> HandlerError:
+def failed_call(unstored: Code, error: TaskRpcError) -> HandlerError:
     """Return the error for the caller when the store failed; the log gets the full text."""
     _log.error("%s", error)
     code = Code.OUTCOME_UNKNOWN if isinstance(error, OutcomeUnknown) else unstored
@@ -469,7 +469,7 @@ def _resolve_response(
     if error is None:
         queued.set_result(response)
     elif isinstance(error, StoreError | OutcomeUnknown):
-        queued.set_exception(_failed(Code.UNAVAILABLE, error))  # not done, or outcome unknown
+        queued.set_exception(failed_call(Code.UNAVAILABLE, error))  # not done, or outcome unknown
     elif isinstance(error, asyncio.CancelledError):
         queued.cancel()
     else:

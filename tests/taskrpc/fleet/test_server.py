@@ -3,7 +3,7 @@ import asyncio
 import pytest
 
 import srvgen
-from taskrpc.errors import HandlerFailed, TaskRpcError
+from taskrpc.errors import Code, HandlerFailed, TaskRpcError
 from taskrpc.fleet import FleetServer, FleetSettings, MemoryFleet, MemoryFleetStore
 from taskrpc.node import Node
 from tests.taskrpc.tasks.fakes import LineRobot
@@ -121,8 +121,11 @@ async def test_without_the_database_a_submission_fails_and_lists_show_the_last_k
     server = await lab.add("r1")
     await lab.submit("30")
     server.manager.store.is_cut_off = True
-    with pytest.raises(HandlerFailed, match="the database cannot be reached"):
-        await lab.submit()
+    for options in ({}, {"request_id": "order 7"}):
+        with pytest.raises(HandlerFailed, match="the database cannot be reached") as caught:
+            await lab.submit(**options)
+        assert caught.value.code is Code.UNAVAILABLE
+        assert caught.value.not_executed  # so a client may repeat the call
     assert len((await lab.call(ListTasks, "/robot_task/list")).tasks) == 1
     health = await lab.call(Trigger, "/robot_task/health")
     assert (health.success, health.message) == (False, "not ready: the database cannot be reached")
