@@ -165,31 +165,45 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         deadline = None if seconds is None else self._loop.time() + seconds
         key = parse_goal_id(goal_id) if goal_id else os.urandom(16)
         request = self._messages.send_goal.Request(goal_id=self._messages.goal_id(key), goal=goal)
-        handle = known = self._handles.get(key)
-        if handle is None:
-            handle = GoalHandle(key, self.action_name, self._depth, self._cancel_goal)
+        handle: GoalHandle[Any, Any] | None = None
         try:
             await self._send.channel.connect(deadline)
             patience = self._loop.time() + FEEDBACK_PATIENCE
             await self._wait_for_topics(patience if deadline is None else min(patience, deadline))
-            self._handles[key] = handle  # feedback may arrive before the response
+            handle = self._handle(key)  # feedback may arrive before the response
             left = None if deadline is None else deadline - self._loop.time()
             response = await self._send.call(request, timeout=left)
             if not response.accepted:
                 text = f"the server of {self.action_name} rejected the goal"
                 raise GoalRejected(Code.FAILED_PRECONDITION, text)
         except BaseException as error:
-            if known is None:
-                self._handles.pop(key, None)
+            if handle is not None:
+                self._not_accepted(handle)
             if isinstance(error, HandlerFailed):
                 raise GoalRejected(error.code, error.message) from None
             is_in_doubt = isinstance(error, _IN_DOUBT) and not getattr(error, "not_executed", None)
             if is_in_doubt and not goal_id and not self._destroyed:
                 self._run(self._give_up(key))
             raise
-        if known is None:
+        handle._requests -= 1
+        if not handle._is_accepted:
+            handle._is_accepted = True
             self._run(self._fetch(handle))
         return handle
+
+    def _handle(self, key: bytes) -> GoalHandle[Any, Any]:
+        """Return the handle of a goal for one more request; requests of one id share a handle."""
+        handle = self._handles.get(key)
+        if handle is None:
+            handle = GoalHandle(key, self.action_name, self._depth, self._cancel_goal)
+            self._handles[key] = handle
+        handle._requests += 1
+        return handle
+
+    def _not_accepted(self, handle: GoalHandle[Any, Any]) -> None:
+        handle._requests -= 1
+        if not handle._requests and not handle._is_accepted:
+            self._handles.pop(handle._goal_id, None)
 
     def destroy(self) -> None:
         """End the client; goals continue, and their handles get no feedback and no result."""
@@ -260,14 +274,21 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         except HandlerFailed as error:
             handle._failed(GoalState.ABORTED, GoalAborted(error.code, error.message))
         except TaskRpcError as error:
-            handle._failed(GoalState.UNKNOWN, error)
+            self._lost(handle, error)
+            return
         else:
             if (ended := _STATES.get(response.status)) is not None:
                 handle._ended(ended, response)
             else:
                 problem = "has no such goal: it was restarted, or the result has expired"
-                handle._failed(GoalState.UNKNOWN, self._unknown(handle, problem))
+                self._lost(handle, self._unknown(handle, problem))
+                return
         self._loop.call_later(LATE_FEEDBACK, self._forget_goal, handle)
+
+    def _lost(self, handle: GoalHandle[Any, Any], error: TaskRpcError) -> None:
+        """Forget a goal at once: a repeated request with its id must get a new handle."""
+        handle._failed(GoalState.UNKNOWN, error)
+        self._forget_goal(handle)
 
     def _forget_goal(self, handle: GoalHandle[Any, Any]) -> None:
         if self._handles.pop(handle._goal_id, None) is not None:

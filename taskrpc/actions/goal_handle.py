@@ -67,6 +67,9 @@ class GoalHandle(Generic[ResultT, FeedbackT]):
         self._action_name = action_name
         self._cancel = cancel
         self._state = GoalState.ACCEPTED
+        self._requests = 0
+        """Requests of the client with this id that have no response yet."""
+        self._is_accepted = False
         self._response: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         """The response with the result; an error if there is none."""
 

@@ -154,6 +154,7 @@ class Run:
 @example([("send", 0, 3), ("send", 0, 3), ("cancel", 0, 0), ("cut", 0, 0)], "cut-connection:0.3")
 @example([("send", 1, 6), ("send", 2, 6), ("send", 3, 6), ("wait", 0, 5), ("cancel", 3, 0)], "busy")
 @example([("send", 0, 0), ("wait", 0, 40), ("wait", 0, 40), ("send", 0, 0)], "lose-response:0.2")
+@example([("cut", 0, 0), ("send", 0, 0), ("send", 1, 0), ("send", 1, 0)], "cut-connection:0.3")
 def test_each_goal_runs_at_most_once_and_its_client_learns_what_the_server_did(program, fault):
     # After its expiry, an id may be used again: then it is another goal.
     program = [each for n, each in enumerate(program) if not _is_late_repetition(program, n)]
