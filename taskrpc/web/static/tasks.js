@@ -101,7 +101,7 @@ class Row {
     setText(this.place, task.started ? "▶" : String(index + 1));
     setText(this.what, taskText(task));
     setText(this.priority, String(task.priority));
-    setText(this.client, task.client + (task.robot && ` → ${task.robot}`));
+    setText(this.client, task.robot ? `${task.robot} ← ${task.client}` : task.client); // the start stays visible
     setAttribute(this.node, "data-priority", task.priority);
     this.up.disabled = task.priority >= 10;
     this.down.disabled = task.priority <= 1;
