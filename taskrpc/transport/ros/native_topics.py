@@ -172,7 +172,8 @@ class NativeSubscription:
         self.on_matched: Callable[[], object] = _nothing
         self.decode = carrier.decode
         self.lost = 0
-        self._deliver = deliver
+        self._deliver: Deliver | None = deliver
+        """None once it is closed."""
         self._node = node
         self._reads = 0
         self._is_closed = False
@@ -201,10 +202,12 @@ class NativeSubscription:
         """End the subscription."""
         if not self._is_closed:
             self._is_closed = True
+            # rclpy keeps the last callback until the next one, and so this object.
+            self._deliver, self.on_matched = None, _nothing
             self._node.destroy_subscription(self._subscription)
 
     def _arrived(self, body: bytes) -> None:
-        if not self._is_closed:
+        if self._deliver is not None:
             self._reads += 1
             self._deliver(body, self._reads)
 
