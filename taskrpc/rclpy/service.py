@@ -147,16 +147,20 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         except IndexError:  # another thread took it
             return None
 
-    def _serve(self, call: DeferredCall[Any, Any]) -> Any:
+    def begin(self, call: DeferredCall[Any, Any]) -> None:
+        """Note that the program begins a call."""
         call.started()
         if self._introspection.is_on:
             self._introspect(call, "REQUEST_RECEIVED", request=call.request)
+
+    def _serve(self, call: DeferredCall[Any, Any]) -> Any:
+        self.begin(call)
         try:
             response = self.callback(call.request, self.srv_type.Response())
             if type(response) is CoroutineType:
                 return self._serve_async(call, response)
         except BaseException as error:
-            self._raised(call, error)
+            self.raised(call, error)
             raise
         self._answer(call, response)
         return None
@@ -167,7 +171,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         try:
             response = await answer
         except BaseException as error:
-            self._raised(call, error)
+            self.raised(call, error)
             raise
         self._answer(call, response)
 
@@ -227,7 +231,8 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         info = call.info
         self._introspection.publish(step, gid_of(info.caller), info.number, **messages)
 
-    def _raised(self, call: DeferredCall[Any, Any], error: BaseException) -> None:
+    def raised(self, call: DeferredCall[Any, Any], error: BaseException) -> None:
+        """Tell the caller that the callback raised this."""
         if explain.like_ros():
             self._leave()
             return
@@ -252,7 +257,7 @@ class ServiceHandle(ArrivalHandle):
         call = self.owner._next()
         if call is None:
             return (None, None)
-        call.started()
+        self.owner.begin(call)
         return call.request, RequestHeader(call, time.time_ns())
 
     set_on_new_request_callback = ArrivalHandle.set_on_new_callback

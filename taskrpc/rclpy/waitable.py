@@ -104,6 +104,9 @@ class Waitable(Entity, Generic[T]):
     def add_to_wait_set(self, wait_set: Any) -> None:
         """Add its guard conditions by their handles; keep their indices for `is_ready`."""
 
+    def node_destroyed(self) -> None:
+        """Do nothing: the node was destroyed, and the program may still use the waitable."""
+
     def has_work(self) -> bool:
         """Ask the subclass, by a wait set, whether there is work."""
         wait_set = WaitSet(self.parent_node)

@@ -208,6 +208,8 @@ class NodeEntities:
         """Destroy all entities, at the end of the node."""
         for rate in list(self._rates.values()):
             self._node.destroy_rate(rate)
+        for waitable in list(self.waitables):
+            waitable.node_destroyed()
         kinds: list[list[Any]] = [
             self.publishers,
             self.subscriptions,

@@ -1,13 +1,49 @@
-"""Action servers, which taskrpc does not have yet."""
+"""Action servers: accept goals, run a callback for each, and send feedback and results."""
 
 from __future__ import annotations
 
+import threading
+import time
+import traceback
 from collections.abc import Callable
 from enum import Enum
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
+from taskrpc.actions.goals import GoalLedger, GoalRecord, goals_to_cancel
+from taskrpc.actions.messages import ActionMessages, bytes_of, nanoseconds_of
+from taskrpc.actions.states import GoalEvent, GoalState, InvalidTransition, next_state
+from taskrpc.errors import Code, HandlerFailed
+
+from .._impl.actions.goal_ids import shown
+from .._impl.actions.server_parts import Profiles, ServerParts, Taken
+from .._impl.diagnostics import explain
+from .._impl.node_interface import NodeInterface
 from .._impl.reexports import names_of
-from .client import lacks, refuse
+from ..callback_groups import CallbackGroup
+from ..exceptions import RCLError
+from ..executors import await_or_execute
+from ..handle import Handle
+from ..qos import (
+    QoSProfile,
+    qos_profile_action_status_default,
+    qos_profile_default,
+    qos_profile_services_default,
+)
+from ..service import RequestHeader
+from ..service_introspection import ServiceIntrospectionState
+from ..task import Future, set_executor
+from ..type_support import check_for_type_support
+from ..waitable import NumberOfEntities, Waitable
+
+if TYPE_CHECKING:
+    from ..clock import Clock
+
+GoalT = TypeVar("GoalT")
+ResultT = TypeVar("ResultT")
+FeedbackT = TypeVar("FeedbackT")
+
+_NANOSECOND = 1e-9
 
 
 class GoalResponse(Enum):
@@ -24,42 +60,520 @@ class CancelResponse(Enum):
     ACCEPT = 2
 
 
-class ActionServer:
-    """Would execute goals of action clients; in taskrpc, no goals arrive."""
+class ServerGoalHandle(Generic[GoalT, ResultT, FeedbackT]):
+    """A goal that an action server has accepted; its callbacks receive it.
+
+    The methods may be called from any thread. After `destroy`, they do nothing.
+    """
 
     def __init__(
         self,
-        node: Any,
-        action_type: Any,
-        action_name: str,
-        execute_callback: Callable[..., Any],
-        **settings: Any,
+        action_server: ActionServer[GoalT, ResultT, FeedbackT],
+        goal_info: Any,
+        goal_request: GoalT,
     ) -> None:
-        lacks(f"ActionServer({action_name!r})")
+        self._action_server = action_server
+        self._goal_info = goal_info
+        self._goal_request = goal_request
+        key, stamp = bytes_of(goal_info.goal_id), nanoseconds_of(goal_info.stamp)
+        self._record: GoalRecord | None = action_server._accept(key, goal_request, stamp)
+        """The goal in the ledger of the server; None after `destroy`."""
+        self._lock = threading.Lock()
 
-    def register_handle_accepted_callback(self, callback: Callable[..., Any] | None) -> None:
-        """Do nothing: no goals arrive."""
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, ServerGoalHandle) and self.goal_id == other.goal_id
 
-    def register_goal_callback(self, callback: Callable[..., Any] | None) -> None:
-        """Do nothing: no goals arrive."""
+    __hash__ = None  # type: ignore[assignment]  # as in ROS
 
-    def register_cancel_callback(self, callback: Callable[..., Any] | None) -> None:
-        """Do nothing: no goals arrive."""
+    @property
+    def request(self) -> GoalT:
+        """The goal message that the client sent."""
+        return self._goal_request
 
-    def register_execute_callback(self, callback: Callable[..., Any]) -> None:
-        """Do nothing: no goals arrive."""
+    @property
+    def goal_id(self) -> Any:
+        """The id of the goal, a `unique_identifier_msgs.msg.UUID`."""
+        return self._goal_info.goal_id
+
+    @property
+    def is_active(self) -> bool:
+        """Whether the goal has not ended."""
+        return self._state.is_active
+
+    @property
+    def is_cancel_requested(self) -> bool:
+        """Whether a client has cancelled the goal, and the server has accepted this."""
+        return self._state is GoalState.CANCELING
+
+    @property
+    def status(self) -> int:
+        """Where the goal stands, a constant of `action_msgs.msg.GoalStatus`."""
+        return int(self._state)
+
+    @property
+    def _state(self) -> GoalState:
+        record = self._record
+        return GoalState.UNKNOWN if record is None else record.state
+
+    def executing(self) -> None:
+        """Mark the goal as being executed, unless a client has cancelled it already."""
+        if not self.is_cancel_requested:
+            self._update_state(GoalEvent.EXECUTE)
+
+    def execute(
+        self, execute_callback: Callable[[ServerGoalHandle[Any, Any, Any]], Any] | None = None
+    ) -> None:
+        """Run the execute callback for this goal, on the thread or threads that spin the node.
+
+        `execute_callback` replaces the callback of the server for this goal.
+        """
+        self.executing()
+        self._action_server.notify_execute(self, execute_callback)
+
+    def publish_feedback(self, feedback: FeedbackT) -> None:
+        """Send a feedback message to the client; raises TypeError for a message of another type."""
+        expected = self._action_server.action_type.Feedback
+        if not isinstance(feedback, expected):
+            raise TypeError(f"expected a {expected.__name__}, got {_what(feedback)}")
+        if self._record is not None:
+            self._action_server._parts.publish_feedback(self.goal_id, feedback)
+
+    def succeed(self, response: ResultT | None = None) -> None:
+        """End the goal: the server completed it. `response` is the result if no callback runs.
+
+        Raises RCLError in a state that does not allow this.
+        """
+        self._update_state(GoalEvent.SUCCEED, response)
+
+    def abort(self, response: ResultT | None = None) -> None:
+        """End the goal without completing it. `response` is the result if no callback runs.
+
+        Raises RCLError in a state that does not allow this.
+        """
+        self._update_state(GoalEvent.ABORT, response)
+
+    def canceled(self, response: ResultT | None = None) -> None:
+        """End the goal after its cancellation. `response` is the result if no callback runs.
+
+        Raises RCLError if no cancellation was accepted.
+        """
+        self._update_state(GoalEvent.CANCELED, response)
 
     def destroy(self) -> None:
-        """Do nothing: there is nothing to release."""
+        """Forget the goal: its status becomes unknown."""
+        with self._lock:
+            self._record = None
+
+    def _update_state(self, event: GoalEvent, response: ResultT | None = None) -> None:
+        with self._lock:
+            if self._record is None:
+                return
+            try:
+                self._action_server._change(self._record, event)
+            except InvalidTransition as error:
+                raise RCLError(
+                    "Failed to update goal state: goal_handle attempted invalid transition from"
+                    f" state {error.state} with event {error.event}"
+                ) from None
+        if response is not None:
+            self._action_server._set_result(self, response)
 
 
-class ServerGoalHandle:
-    """Would represent a goal that is being executed; raises NotImplementedError."""
+def default_handle_accepted_callback(goal_handle: ServerGoalHandle[Any, Any, Any]) -> None:
+    """Execute the goal."""
+    goal_handle.execute()
 
-    def __init__(self, *args: Any) -> None:
-        refuse("ServerGoalHandle")
+
+def default_goal_callback(goal_request: Any) -> GoalResponse:
+    """Accept every goal."""
+    return GoalResponse.ACCEPT
+
+
+def default_cancel_callback(cancel_request: Any) -> CancelResponse:
+    """Reject every cancellation."""
+    return CancelResponse.REJECT
+
+
+class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
+    """Executes the goals of one action; its callbacks run while a thread spins the node.
+
+    Arguments:
+        execute_callback: `execute_callback(goal_handle)` returns the result, plain or async.
+        goal_callback: decides by the goal message whether to accept a goal; by default, all.
+        handle_accepted_callback: receives each accepted goal; by default, it executes the goal.
+        cancel_callback: decides by the goal handle whether to cancel a goal; by default, none.
+        result_timeout: seconds for which the server keeps a result.
+    """
+
+    is_timer: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        node: NodeInterface,
+        action_type: Any,
+        action_name: str,
+        execute_callback: Callable[[Any], Any] | None = None,
+        *,
+        callback_group: CallbackGroup | None = None,
+        goal_callback: Callable[[Any], Any] | None = default_goal_callback,
+        handle_accepted_callback: Callable[[Any], Any] | None = default_handle_accepted_callback,
+        cancel_callback: Callable[[Any], Any] | None = default_cancel_callback,
+        goal_service_qos_profile: QoSProfile = qos_profile_services_default,
+        result_service_qos_profile: QoSProfile = qos_profile_services_default,
+        cancel_service_qos_profile: QoSProfile = qos_profile_services_default,
+        feedback_pub_qos_profile: QoSProfile = qos_profile_default,
+        status_pub_qos_profile: QoSProfile = qos_profile_action_status_default,
+        result_timeout: float = 10,
+    ) -> None:
+        group = node.default_callback_group if callback_group is None else callback_group
+        super().__init__(group)
+        self.register_handle_accepted_callback(handle_accepted_callback)
+        self.register_goal_callback(goal_callback)
+        self.register_cancel_callback(cancel_callback)
+        self._execute_callback: Callable[[Any], Any] | None = None
+        if execute_callback is not None or handle_accepted_callback in _EXECUTING:
+            self.register_execute_callback(execute_callback)
+        check_for_type_support(action_type)
+        node.resolve_topic_name(action_name)  # raises for an invalid name
+        self._node = self.parent_node = node
+        self._action_type = action_type
+        self._action_name = node.resolve_service_name(action_name)
+        self._logger = node.get_logger().get_child("action_server")
+        self._handle = Handle(self)
+        self._lock = threading.RLock()
+        """Guards the ledger."""
+        self._ledger = GoalLedger(result_timeout)
+        self._goal_handles: dict[bytes, ServerGoalHandle[GoalT, ResultT, FeedbackT]] = {}
+        self._result_futures: dict[bytes, Future[Any]] = {}
+        self._awaiting: dict[RequestHeader, None] = {}
+        """The requests for results of goals that have not ended."""
+        self._messages = messages = ActionMessages(action_type)
+        profiles = Profiles(
+            goal_service_qos_profile,
+            result_service_qos_profile,
+            cancel_service_qos_profile,
+            feedback_pub_qos_profile,
+            status_pub_qos_profile,
+        )
+        self._parts = ServerParts(node, messages, action_name, group, profiles)
+        self.services = self._parts.services
+        """The services that it consists of, for the diagnostics."""
+        node.add_waitable(self)
+
+    @property
+    def action_type(self) -> Any:
+        """The type of the action."""
+        return self._action_type
+
+    # Callbacks
+
+    def register_handle_accepted_callback(self, callback: Callable[[Any], Any] | None) -> None:
+        """Call this with the handle of each accepted goal; None: execute the goal at once."""
+        self._handle_accepted_callback = callback or default_handle_accepted_callback
+
+    def register_goal_callback(self, callback: Callable[[Any], Any] | None) -> None:
+        """Let this decide whether to accept a goal; None: accept all."""
+        self._goal_callback = callback or default_goal_callback
+
+    def register_cancel_callback(self, callback: Callable[[Any], Any] | None) -> None:
+        """Let this decide whether to cancel a goal; None: cancel none."""
+        self._cancel_callback = callback or default_cancel_callback
+
+    def register_execute_callback(self, execute_callback: Callable[[Any], Any] | None) -> None:
+        """Call this for each goal that is executed; TypeError for an object that is no function."""
+        if not callable(execute_callback):
+            raise TypeError("Failed to register goal execution callback: not callable")
+        self._execute_callback = execute_callback
+
+    def notify_execute(
+        self,
+        goal_handle: ServerGoalHandle[GoalT, ResultT, FeedbackT],
+        execute_callback: Callable[[Any], Any] | None,
+    ) -> None:
+        """Let the executor of the node run the execute callback for a goal."""
+        callback = self._execute_callback if execute_callback is None else execute_callback
+        executor = self._node.executor
+        if callback is not None and executor is not None:
+            executor.create_task(self._execute_goal, callback, goal_handle)
+
+    def notify_goal_done(self) -> None:
+        """Wake the executor: a goal has ended, so its result will expire."""
+        self.notify_executor()
+
+    # Requests
+
+    async def _handle_request(self, taken: Taken) -> None:
+        """Handle a request; if a callback raises, tell the caller and raise."""
+        service, header, request = taken
+        try:
+            if service is self._parts.goals:
+                await self._goal_requested(header, request)
+            elif service is self._parts.cancels:
+                await self._cancel_requested(header, request)
+            else:
+                self._result_requested(header, request)
+        except BaseException as error:
+            service.raised(header.call, error)
+            raise
+
+    async def _goal_requested(self, header: RequestHeader, request: Any) -> None:
+        key = bytes_of(request.goal_id)
+        self._logger.debug(f"New goal request with ID: {shown(key)}")
+        handle = None
+        if self._ledger.find(key) is None:
+            answer = await await_or_execute(self._goal_callback, request.goal)
+            if not isinstance(answer, GoalResponse):
+                self._logger.warning(
+                    "Goal request callback did not return a GoalResponse type. Rejecting goal."
+                )
+            elif answer is GoalResponse.ACCEPT:
+                handle = self._new_goal(key, request.goal)
+        response = self._messages.send_goal.Response(accepted=handle is not None)
+        if handle is not None:
+            response.stamp = handle._goal_info.stamp
+        self._parts.goals.send_response(response, header)
+        if handle is None:
+            self._logger.debug(f"New goal rejected: {shown(key)}")
+            return
+        self._logger.debug(f"New goal accepted: {shown(key)}")
+        self._publish_status()
+        await await_or_execute(self._handle_accepted_callback, handle)
+
+    def _new_goal(
+        self, key: bytes, goal: GoalT
+    ) -> ServerGoalHandle[GoalT, ResultT, FeedbackT] | None:
+        info = self._messages.goal_info(key, self._node.get_clock().now().nanoseconds)
+        handle: ServerGoalHandle[GoalT, ResultT, FeedbackT]
+        try:
+            handle = ServerGoalHandle(self, info, goal)
+        except ValueError as error:  # accepted on another thread meanwhile
+            self._logger.error(f"Failed to accept new goal with ID {shown(key)}: {error}")
+            return None
+        self._goal_handles[key] = handle
+        self._result_futures[key] = Future()
+        return handle
+
+    async def _cancel_requested(self, header: RequestHeader, request: Any) -> None:
+        self._logger.debug(f"Cancel request received: {request}")
+        info = request.goal_info
+        with self._lock:
+            code, found = goals_to_cancel(
+                self._ledger.accepted, bytes_of(info.goal_id), nanoseconds_of(info.stamp)
+            )
+        canceling = [record for record in found if await self._may_cancel(record)]
+        response = self._messages.cancel_goal.Response(return_code=code)
+        response.goals_canceling = [
+            self._messages.goal_info(record.goal_id, record.stamp) for record in canceling
+        ]
+        self._parts.cancels.send_response(response, header)
+
+    async def _may_cancel(self, record: GoalRecord) -> bool:
+        handle = self._goal_handles.get(record.goal_id)
+        if handle is None:
+            return False
+        if await await_or_execute(self._cancel_callback, handle) is not CancelResponse.ACCEPT:
+            return False
+        try:
+            handle._update_state(GoalEvent.CANCEL_GOAL)
+        except RCLError as error:  # it ended while the callback decided
+            self._logger.debug(f"Failed to cancel goal in cancel callback: {error}")
+            return False
+        return True
+
+    def _result_requested(self, header: RequestHeader, request: Any) -> None:
+        key = bytes_of(request.goal_id)
+        self._logger.debug(f"Result request received for goal with ID: {shown(key)}")
+        future = self._result_futures.get(key)
+        if future is None:
+            self._logger.warning(
+                f"Sending result response for unknown or expired goal ID: {shown(key)}"
+            )
+            self._parts.results.send_response(self._messages.get_result.Response(), header)
+            return
+        if (executor := self._node.executor) is not None:
+            set_executor(future, executor)
+        self._awaiting[header] = None
+        future.add_done_callback(lambda done: self._send_result(header, done))
+
+    def _send_result(self, header: RequestHeader, future: Future[Any]) -> None:
+        self._awaiting.pop(header, None)
+        if self._handle.valid:
+            self._parts.results.send_response(future.result(), header)
+
+    # Goals
+
+    def _accept(self, key: bytes, goal: GoalT, stamp: int) -> GoalRecord:
+        with self._lock:
+            return self._ledger.accept(key, goal, stamp)
+
+    def _change(self, record: GoalRecord, event: GoalEvent) -> None:
+        """Change the state of a goal and publish the status. Raises InvalidTransition."""
+        with self._lock:
+            if next_state(record.state, event).is_ended:
+                self._ledger.end(record, event, time.monotonic())
+            else:
+                record.change(event)
+            self._publish_status()
+        if record.state.is_ended:
+            self.notify_goal_done()
+
+    def _publish_status(self) -> None:
+        with self._lock:
+            if self._handle.valid:
+                self._parts.publish_status(self._ledger.accepted.values())
+
+    async def _execute_goal(
+        self,
+        execute_callback: Callable[[Any], Any],
+        goal_handle: ServerGoalHandle[GoalT, ResultT, FeedbackT],
+    ) -> None:
+        goal = shown(bytes_of(goal_handle.goal_id))
+        self._logger.debug(f"Executing goal with ID {goal}")
+        try:
+            result = await await_or_execute(execute_callback, goal_handle)
+        except Exception as error:
+            result = self._action_type.Result()
+            self._logger.error(f"Error raised in execute callback: {error}")
+            traceback.print_exc()
+        if goal_handle.is_active:
+            self._logger.warning(f"Goal state not set, assuming aborted. Goal ID: {goal}")
+            goal_handle.abort()
+        self._logger.debug(f"Goal with ID {goal} finished with state {goal_handle.status}")
+        self._set_result(goal_handle, result)
+
+    def _set_result(
+        self, goal_handle: ServerGoalHandle[GoalT, ResultT, FeedbackT], result: Any
+    ) -> None:
+        future = self._result_futures.get(bytes_of(goal_handle.goal_id))
+        if future is None or future.done():
+            return
+        response = self._messages.get_result.Response(status=goal_handle.status)
+        try:
+            response.result = self._as_result(result)
+        except TypeError as error:
+            future.set_result(response)
+            explain.invalid_result(self._action_name, str(error))
+            raise
+        future.set_result(response)
+
+    def _as_result(self, value: Any) -> Any:
+        """Return the value as a result. As in ROS, another message with the fields will do."""
+        expected = self._action_type.Result
+        if isinstance(value, expected):
+            return value
+        result = expected()
+        fields = result.get_fields_and_field_types()
+        if value is None or not all(hasattr(value, name) for name in fields):
+            problem = f"the execute callback of {self._action_name} returned {_what(value)}"
+            if value is None:
+                problem += f"; is `return result` (a {expected.__name__}) missing at its end?"
+            else:
+                problem += f", expected a {expected.__name__}"
+            raise TypeError(problem)
+        for name in fields:
+            setattr(result, name, getattr(value, name))
+        return result
+
+    # The server itself
+
+    def configure_introspection(
+        self,
+        clock: Clock,
+        service_event_qos_profile: QoSProfile,
+        introspection_state: ServiceIntrospectionState,
+    ) -> None:
+        """Publish the introspection events of the calls of its three services, or stop."""
+        self._handle.check()
+        self._parts.configure_introspection(clock, service_event_qos_profile, introspection_state)
+
+    def destroy(self) -> None:
+        """Withdraw the action and forget its goals; a callback that executes one runs to its end.
+
+        Clients that wait for a result get an error.
+        """
+        if not self._handle.valid:
+            return
+        self._handle.destroy_when_not_in_use()
+        self._node.remove_waitable(self)
+        for goal_handle in list(self._goal_handles.values()):
+            goal_handle.destroy()
+        gone = HandlerFailed(Code.UNAVAILABLE, f"the server of {self._action_name} was destroyed")
+        while self._awaiting and not explain.like_ros():
+            header, _ = self._awaiting.popitem()
+            header.call.fail(gone)
+        self._parts.destroy()
+
+    node_destroyed = destroy
+
+    # Waitable
+
+    def has_work(self) -> bool:
+        """Whether a request waits to be taken, or a result has expired."""
+        return self._parts.has_work() or self._expires_in() <= 0
+
+    def is_ready(self, wait_set: Any) -> bool:
+        """Whether a request waits to be taken, or a result has expired."""
+        return self.has_work()
+
+    def nanoseconds_until_due(self) -> int | None:
+        """The time until a result expires; 0 if a request waits, None without a result."""
+        if self._parts.has_work():
+            return 0
+        left = self._expires_in()
+        return None if left == _NEVER else max(0, int(left / _NANOSECOND))
+
+    def take_data(self) -> list[Callable[[], Any]]:
+        """Take one request of each kind; returns the functions that handle them."""
+        self._handle.check()
+        taken: list[Callable[[], Any]] = [
+            partial(self._handle_request, one) for one in self._parts.take()
+        ]
+        if self._expires_in() <= 0:
+            taken.append(self._expire)
+        return taken
+
+    async def execute(self, taken_data: list[Callable[[], Any]]) -> None:
+        """Call the callbacks for the requests, and forget the results that have expired."""
+        for handle in taken_data:
+            result = handle()
+            if result is not None:
+                await result
+
+    def get_num_entities(self) -> NumberOfEntities:
+        """How many services and timers it consists of."""
+        return NumberOfEntities(num_timers=1, num_services=3)
+
+    def _expires_in(self) -> float:
+        """Seconds until the next result expires."""
+        expiry = self._ledger.next_expiry
+        return _NEVER if expiry is None else expiry - time.monotonic()
+
+    def _expire(self) -> None:
+        with self._lock:
+            self._ledger.expire(time.monotonic())
+            # The ledger also forgets results when it has too many.
+            for key in [key for key in self._goal_handles if self._ledger.find(key) is None]:
+                self._goal_handles.pop(key).destroy()
+                self._result_futures.pop(key, None)
+
+
+_NEVER = float("inf")
+_EXECUTING = (None, default_handle_accepted_callback)
+"""The callbacks for accepted goals that need an execute callback."""
+
+
+def _what(value: Any) -> str:
+    if isinstance(value, type):
+        return f"the class {value.__name__} (write `{value.__name__}()`)"
+    return "nothing" if value is None else f"a value of the type {type(value).__name__}"
 
 
 __getattr__ = names_of(
-    __name__, __package__, {"action_msgs/msg": "GoalInfo GoalStatus", "..future": "Future"}
+    __name__,
+    __package__,
+    {
+        "action_msgs/msg": "GoalInfo GoalStatus",
+        "action_msgs/srv": "CancelGoal",
+        "unique_identifier_msgs/msg": "UUID",
+    },
 )

@@ -82,7 +82,7 @@ def check_spin(executor: ExecutorInterface, future: Any, timeout: float | None) 
     if callback is None or explain.like_ros() or not (timeout is None or timeout < 0):
         return
     for node in executor.get_nodes():
-        for client in node.clients:
+        for client in clients_of(node):
             if future in client.pending_futures:
                 if why := _held_group(client.callback_group, callback, "the client"):
                     raise WouldDeadlock(
@@ -107,6 +107,20 @@ def check_nested_spin(executor: ExecutorInterface, node: Any) -> None:
         explain.removed_from_spin(node_name(node), callback_name(callback))
 
 
+def clients_of(node: Any) -> list[Any]:
+    """The clients of a node, with those that its action clients consist of."""
+    return [*node.clients, *_parts_of(node, "clients")]
+
+
+def services_of(node: Any) -> list[Any]:
+    """The services of a node, with those that its action servers consist of."""
+    return [*node.services, *_parts_of(node, "services")]
+
+
+def _parts_of(node: Any, kind: str) -> list[Any]:
+    return [part for one in list(node.waitables) for part in getattr(one, kind, ())]
+
+
 def obstacle(client: WaitingClient, callback: Callback) -> str:
     """What prevents the response from being taken while the callback runs; "" if nothing does."""
     if not callback.executor.has_node(client.parent_node):
@@ -120,7 +134,7 @@ def obstacle(client: WaitingClient, callback: Callback) -> str:
 def _server_obstacle(name: str, callback: Callback) -> str:
     """What prevents a request of this service from being taken while the callback runs."""
     for node in callback.executor.get_nodes():
-        for service in node.services:
+        for service in services_of(node):
             if service.service_name == name:
                 if callback.executor.runs_one_at_a_time:
                     return f"the only thread that spins {node_name(node)}"

@@ -118,6 +118,15 @@ def invalid_response(service: str, problem: str) -> None:
     )
 
 
+def invalid_result(action: str, problem: str) -> None:
+    """Report an execute callback that returned a value that is not a result."""
+    report(
+        ("result", action),
+        "end the spin of the server with an AttributeError, and leave the client waiting for ever:"
+        f" {problem}",
+    )
+
+
 def callback_raised(service: str, problem: str) -> None:
     """Report an exception in a service callback; here the caller gets an error."""
     report(

@@ -30,7 +30,7 @@ from ..execution.entity import (
 )
 from ..node_interface import NodeInterface
 from . import explain
-from .deadlocks import callers, obstacle
+from .deadlocks import callers, clients_of, obstacle, services_of
 
 _PERIOD = 1.0
 """Seconds between two checks."""
@@ -67,7 +67,7 @@ def watch(node: NodeInterface) -> None:
 
 def ends(node: NodeInterface) -> None:
     """Report the pending calls of a node that no thread spins; at the end of the node."""
-    pending = sorted({client.service_name for client in node.clients if _is_observed(client)})
+    pending = sorted({client.service_name for client in clients_of(node) if _is_observed(client)})
     if pending and node.executor is None and not node.context.was_interrupted:
         _report_unspun(node, f"complete the future of a call of {', '.join(pending)}")
 
@@ -106,7 +106,7 @@ class _Check:
 def _waits(node: NodeInterface) -> Iterator[_Wait]:
     """The waits at the clients and services of a node."""
     busy = is_busy(node.executor)
-    for client in list(node.clients):
+    for client in clients_of(node):
         if busy:
             yield from _polling_deadlock(client)
         elif client.has_work():
@@ -114,7 +114,7 @@ def _waits(node: NodeInterface) -> Iterator[_Wait]:
         if client.waits_for_server:
             what: tuple[object, ...] = ("unoffered", client)
             yield what, _SOON, lambda client=client: _report_unoffered(client)
-    for service in list(node.services):
+    for service in services_of(node):
         if service.has_work() and not busy:
             yield from _untaken_request(service)
 
@@ -202,7 +202,7 @@ def _awaits(node: Any, holder: Any, service: str) -> bool:
     """Whether the callback of `holder` awaits a response of the service."""
     futures = [
         future
-        for client in list(node.clients)
+        for client in clients_of(node)
         if client.service_name == service
         for future in client.pending_futures
     ]

@@ -1,0 +1,143 @@
+"""Action clients send goals, and receive responses, feedback, statuses and results."""
+
+import threading
+
+import pytest
+
+from taskrpc.errors import WouldDeadlock
+from taskrpc.rclpy import action as action_module
+from taskrpc.rclpy.action import ActionClient
+from taskrpc.rclpy.action.client import ClientGoalHandle
+from taskrpc.rclpy.exceptions import InvalidHandle, InvalidTopicNameException
+from tests.rclpy.action.actions import UUID, Fibonacci, GoalStatus, action, ended, order, result
+from tests.rclpy.living import living
+
+pytestmark = pytest.mark.real_time
+
+
+def count(goal):
+    for number in range(goal.request.order):
+        goal.publish_feedback(Fibonacci.Feedback(sequence=[number]))
+    goal.succeed()
+    return result(goal.request.order)
+
+
+def test_a_goal_gets_its_feedback_and_its_result():
+    with action(count) as pair:
+        messages = []
+        handle = pair.send(order(3), feedback_callback=messages.append)
+        assert handle.accepted
+        pair.world.spin_until(lambda: len(messages) == 3)
+        assert [list(one.feedback.sequence) for one in messages] == [[0], [1], [2]]
+        assert {bytes(one.goal_id.uuid) for one in messages} == {bytes(handle.goal_id.uuid)}
+        response = pair.world.answer(handle.get_result_async())
+        assert ended(response) == (GoalStatus.STATUS_SUCCEEDED, [3])
+        pair.world.spin_until(lambda: handle.status == GoalStatus.STATUS_SUCCEEDED)
+
+
+def test_feedback_callbacks_may_be_coroutines():
+    with action(count) as pair:
+        messages = []
+
+        async def take(message):
+            messages.append(message)
+
+        pair.send(order(2), feedback_callback=take)
+        pair.world.spin_until(lambda: len(messages) == 2)
+
+
+def test_a_goal_keeps_the_id_that_the_program_gives():
+    with action() as pair:
+        handle = pair.send(order(1), goal_uuid=UUID(uuid=[7] * 16))
+        assert list(handle.goal_id.uuid) == [7] * 16
+        pair.world.spin_until(lambda: handle.status == GoalStatus.STATUS_SUCCEEDED)
+        numbers = " ".join(["7"] * 16)
+        assert repr(handle) == f"ClientGoalHandle <id=[{numbers}], accepted=True, status=4>"
+        assert handle == handle and handle != pair.send(order(1))
+        assert handle.stamp.sec > 0
+
+
+def test_goals_of_another_type_and_invalid_names_are_refused():
+    with action() as pair:
+        for send in (pair.client.send_goal, pair.client.send_goal_async):
+            with pytest.raises(TypeError, match="Expected goal type .*Fibonacci_Goal.* but recei"):
+                send("five")
+        with pytest.raises(TypeError, match="Expected type ClientGoalHandle but received"):
+            pair.client._get_result_async("a handle")
+        with pytest.raises(InvalidTopicNameException):
+            ActionClient(pair.calling, Fibonacci, "bad name")
+
+
+def test_a_client_without_a_server_finds_none():
+    with living() as world:
+        client = ActionClient(world.node(), Fibonacci, "nowhere")
+        assert (client.server_is_ready(), client.wait_for_server(timeout_sec=0.05)) == (False,) * 2
+        client.destroy()
+        with pytest.raises(InvalidHandle):
+            client.server_is_ready()
+        with pytest.raises(InvalidHandle):
+            client.send_goal_async(order(1))
+
+
+def test_blocking_calls_return_the_response_while_another_thread_spins():
+    with action() as pair:
+        spinning = threading.Thread(target=pair.world.executor.spin)
+        spinning.start()
+        assert ended(pair.client.send_goal(order(5))) == (GoalStatus.STATUS_SUCCEEDED, [5])
+        future = pair.client.send_goal_async(order(6))
+        done = threading.Event()
+        future.add_done_callback(lambda _: done.set())
+        assert done.wait(60)
+        handle = future.result()
+        assert ended(handle.get_result()) == (GoalStatus.STATUS_SUCCEEDED, [6])
+        assert handle.cancel_goal().return_code == 3  # it has ended
+        pair.world.executor.shutdown()
+        spinning.join()
+
+
+def test_a_blocking_call_in_a_callback_is_refused():
+    with action() as pair:
+        errors = []
+
+        def tick():
+            try:
+                pair.client.send_goal(order(1))
+            except WouldDeadlock as error:
+                errors.append(str(error))
+
+        pair.calling.create_timer(0.001, tick)
+        pair.world.spin_until(lambda: errors)
+        assert "/fibonacci/_action/send_goal" in errors[0]
+
+
+def test_the_end_of_the_server_ends_the_wait_for_a_result(capsys):
+    with action(handle_accepted_callback=lambda _: None) as pair:
+        handle = pair.send(order(1))
+        future = handle.get_result_async()
+        pair.world.executor.spin_once(0.1)
+        pair.server.destroy()
+        pair.world.spin_until(future.done)
+        assert "the server of /fibonacci was destroyed" in str(future.exception())
+        assert "ROS 2 would never complete this future" in capsys.readouterr().err
+
+
+def test_a_handle_that_the_program_drops_is_forgotten_when_its_goal_ends():
+    with action(handle_accepted_callback=lambda _: None) as pair:
+        pair.send(order(1))
+        assert len(pair.client._goal_handles) == 1
+        pair.server._goal_handles.popitem()[1].execute()
+        pair.world.spin_until(lambda: not pair.client._goal_handles)
+
+
+def test_the_end_of_the_node_ends_its_actions():
+    with action() as pair:
+        pair.served.destroy_node()
+        pair.world.spin_until(lambda: not pair.client.server_is_ready())
+        pair.calling.destroy_node()
+        with pytest.raises(InvalidHandle):
+            pair.client.server_is_ready()
+
+
+def test_action_modules_have_the_names_that_programs_import():
+    assert action_module.client.GoalStatus is action_module.server.GoalStatus is GoalStatus
+    assert ClientGoalHandle[int, int, int] and ActionClient[int, int, int]
