@@ -53,14 +53,15 @@ def test_a_goal_keeps_the_id_that_the_program_gives():
         pair.world.spin_until(lambda: handle.status == GoalStatus.STATUS_SUCCEEDED)
         numbers = " ".join(["7"] * 16)
         assert repr(handle) == f"ClientGoalHandle <id=[{numbers}], accepted=True, status=4>"
-        assert handle == handle and handle != pair.send(order(1))
+        assert handle == handle
+        assert handle != pair.send(order(1))
         assert handle.stamp.sec > 0
 
 
 def test_goals_of_another_type_and_invalid_names_are_refused():
     with action() as pair:
         for send in (pair.client.send_goal, pair.client.send_goal_async):
-            with pytest.raises(TypeError, match="Expected goal type .*Fibonacci_Goal.* but recei"):
+            with pytest.raises(TypeError, match=r"Expected goal type .*Fibonacci_Goal.* but recei"):
                 send("five")
         with pytest.raises(TypeError, match="Expected type ClientGoalHandle but received"):
             pair.client._get_result_async("a handle")
@@ -140,4 +141,5 @@ def test_the_end_of_the_node_ends_its_actions():
 
 def test_action_modules_have_the_names_that_programs_import():
     assert action_module.client.GoalStatus is action_module.server.GoalStatus is GoalStatus
-    assert ClientGoalHandle[int, int, int] and ActionClient[int, int, int]
+    assert ClientGoalHandle[int, int, int]
+    assert ActionClient[int, int, int]

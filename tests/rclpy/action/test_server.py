@@ -195,7 +195,9 @@ def test_states_change_only_as_the_table_allows():
         goal.succeed()
         goal.publish_feedback(Fibonacci.Feedback())
         assert (goal.status, goal.is_active) == (GoalStatus.STATUS_UNKNOWN, False)
-        assert goal == goal and goal != 1 and ServerGoalHandle[int, int, int]
+        assert goal == goal
+        assert goal != 1
+        assert ServerGoalHandle[int, int, int]
 
 
 def test_a_callback_that_returns_no_result_ends_the_spin(capsys):
@@ -313,5 +315,5 @@ def test_the_name_of_an_action_in_another_program_is_refused(monkeypatch):
 
     with action() as pair:
         monkeypatch.setattr(type(pair.served.handle.bridge), "offer", offer)
-        with pytest.raises(NameInUse, match="is offered$"):
+        with pytest.raises(NameInUse, match=r"is offered$"):
             ActionServer(pair.served, Fibonacci, "again", succeed)

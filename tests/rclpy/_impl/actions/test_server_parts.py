@@ -22,7 +22,9 @@ def test_each_request_is_taken_once():
         future = client.call_async(MESSAGES.get_result.Request())
         world.spin_until(parts.has_work)
         [taken] = parts.take()
-        assert taken.service is parts.results and not parts.has_work() and not list(parts.take())
+        assert taken.service is parts.results
+        assert not parts.has_work()
+        assert not list(parts.take())
         parts.results.send_response(MESSAGES.get_result.Response(status=4), taken.header)
         assert world.answer(future).status == 4
         parts.destroy()
@@ -31,8 +33,7 @@ def test_each_request_is_taken_once():
 def test_an_error_withdraws_the_parts_that_were_made():
     with living() as world:
         node = world.node()
-        names = lambda: [name for name, _ in node.get_service_names_and_types()]  # noqa: E731
+        profiles = PROFILES._replace(status=None)
         with pytest.raises(AttributeError):
-            profiles = PROFILES._replace(status=None)
             ServerParts(node, MESSAGES, "turn", node.default_callback_group, profiles)
-        assert not [name for name in names() if "_action" in name]
+        assert not [name for name, _ in node.get_service_names_and_types() if "_action" in name]
