@@ -108,7 +108,7 @@ _OF_ROS = frozenset(
     " ros2_numpy tf2_geometry_msgs tf2_py tf2_ros tf_transformations control_msgs moveit_msgs"
     " image_transport_py".split()
 )
-"""Packages of ROS 2 that programs import and taskrpc does not contain."""
+"""Packages of ROS 2 that programs import, besides interface packages."""
 
 _ROSDEP_KEYS = {
     "PIL": "python3-pil",

@@ -25,9 +25,7 @@ _NONE = "only a real ROS 2 has it"
 
 _PYTHON = {
     **dict.fromkeys("launch launch_ros launch_xml launch_yaml launch_testing".split(), _LAUNCH),
-    **dict.fromkeys(
-        "tf2_ros tf2_py tf2_geometry_msgs tf2_sensor_msgs tf_transformations".split(), _TF2
-    ),
+    **dict.fromkeys("tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf_transformations".split(), _TF2),
     **dict.fromkeys("cv_bridge image_geometry".split(), _IMAGES),
     **dict.fromkeys("ros2cli ros2node ros2param ros2pkg ros2service ros2topic".split(), _COMMANDS),
     **dict.fromkeys(
