@@ -403,8 +403,14 @@ def _owner(name: str) -> str:
 
 
 def _log_bundled(local: Path, name: TypeName) -> None:
-    """Log once per package that a bundled definition is used for a type that it lacks."""
+    """Log once per package that a bundled definition is used for a type that it lacks.
+
+    A package without actions is not incomplete: the task server loads a bundled action in every
+    workspace that has the package of its services.
+    """
     if (local, name.package) in _logged:
+        return
+    if name.kind == "action" and not any(True for _ in _files(local, "action")):
         return
     _logged.add((local, name.package))
     mixed = [

@@ -25,7 +25,7 @@ from taskrpc.node import Node
 from taskrpc.request_ids.ids import Completion, CompletionStore
 from taskrpc.robot.protocol import Robot
 from taskrpc.service import Service
-from taskrpc.tasks.managed import ManagedTasks
+from taskrpc.tasks.action import SubmittingTasks, TaskAction
 from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.pages import page
@@ -87,7 +87,7 @@ class OfferedTasks:
     def __init__(
         self,
         node: Node,
-        manager: ManagedTasks,
+        manager: SubmittingTasks,
         completions: CompletionStore,
         *,
         names: Sequence[str],
@@ -107,6 +107,7 @@ class OfferedTasks:
         self._types = load_types()
         self._services: list[Service] = []
         self._topics: TaskTopics | None = None
+        self._action: TaskAction | None = None
         self._started = asyncio.Event()
 
     async def __aenter__(self) -> Self:
@@ -132,6 +133,8 @@ class OfferedTasks:
             for name in self._names:
                 self._offer(name, join=name in self._join)
             self._topics = TaskTopics(self._node, self.manager, self._messages, self._topics_name)
+            # Its goals live in this process: in a fleet it has the name of the robot.
+            self._action = TaskAction(self._node, self.manager, self._topics_name, self._started)
             if fresh:
                 await self._forget_all()
             resumed = await self.manager.start()
@@ -140,6 +143,7 @@ class OfferedTasks:
                 service.destroy()
             self._services.clear()
             self._close_topics()
+            self._close_action()
             raise
         self._started.set()
         self._opened()
@@ -165,18 +169,28 @@ class OfferedTasks:
         return TaskResponse(True, f"ready: {self.manager}")
 
     def dismiss_watchers(self) -> None:
-        """Respond to all watchers, so that the node can drain without waiting for them."""
+        """Respond to all watchers, so that the node can drain without waiting for them.
+
+        The goals of the action end too; their tasks stay.
+        """
         self.manager.change_feed.close()
+        self._close_action()
 
     async def close(self) -> None:
         """Halt the robot, store the running task as INTERRUPTED and close the store."""
         self._close_topics()
         await self.manager.close()
+        self._close_action()
 
     def _close_topics(self) -> None:
         if self._topics is not None:
             self._topics.close()
             self._topics = None
+
+    def _close_action(self) -> None:
+        if self._action is not None:
+            self._action.close()
+            self._action = None
 
     def _offer(self, name: str, *, join: bool) -> None:
         submit = self._node.create_service(

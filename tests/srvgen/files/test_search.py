@@ -138,6 +138,13 @@ def test_the_note_is_only_information_while_the_local_package_equals_the_bundled
     assert [record.levelno for record in caplog.records] == [logging.INFO]
 
 
+def test_there_is_no_note_about_the_actions_of_a_package_that_has_none(workspace, caplog):
+    caplog.set_level(logging.INFO, "srvgen")
+    put("tf2_msgs/srv/FrameGraph", "int32 mine\n---\n", workspace)
+    Search().load("tf2_msgs/action/LookupTransform")
+    assert not caplog.records
+
+
 @pytest.mark.parametrize(
     ("name", "message", "hint"),
     [

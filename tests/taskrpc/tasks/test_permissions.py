@@ -106,7 +106,9 @@ async def test_no_service_of_the_task_server_has_its_role_by_accident():
     ):
         roles = {each.name: each.role for each in node._transport.offers.values()}
     below = {f"/robot_task/{verb}": role for verb, role in ROLES.items()}
-    assert roles == {"/robot_task": Role.SUBMIT, **below}
+    action = {"send_goal": Role.SUBMIT, "cancel_goal": Role.SUBMIT, "get_result": Role.OBSERVE}
+    execute = {f"/robot_task/execute/_action/{name}": role for name, role in action.items()}
+    assert roles == {"/robot_task": Role.SUBMIT, **below, **execute}
 
 
 async def test_observers_read_services_definitions_and_health(people):
