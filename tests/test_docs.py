@@ -31,7 +31,10 @@ from tests.docs.stage import Stage
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 REFERENCE = ROOT / "docs" / "reference"
-KINDS = {"python", "pycon", "console", "srv", "msg", "yaml", "text", "html", "javascript"}
+KINDS = {
+    *("python", "pycon", "console", "srv", "msg", "action"),
+    *("yaml", "text", "html", "javascript"),
+}
 """`tests/browser` runs `html`, `tests/interop` runs `javascript`."""
 
 NOT_RUN = {

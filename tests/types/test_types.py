@@ -146,7 +146,7 @@ def _write_programs(page: Page, folder: Path) -> list[str]:
         is_program = block.kind == "python" and "import rclpy" not in block.text
         is_program &= Path(block.file).name != "setup.py"
         if not block.notes.keys() & {"wrong", "not run"} and (
-            is_program or (block.kind in ("srv", "msg") and block.file)
+            is_program or (block.kind in ("srv", "msg", "action") and block.file)
         ):
             path = folder / (block.file or f"line_{block.line}.py")
             path.parent.mkdir(parents=True, exist_ok=True)
