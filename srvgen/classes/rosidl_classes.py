@@ -83,6 +83,8 @@ class RosMessage(Message, kw_only=True, metaclass=_RosMessageMeta):
         if "_ORIGINAL" in cls.__dict__:  # a variant
             _set_checks(cls, checks=not cls._ORIGINAL._CHECKS)
             return
+        if cls._ORIGINAL is not None:  # a subclass in a program, with the fields of its base
+            return
         attributes = [_runtime.attribute_of(cls, name) for name, _ in cls._FIELDS]
         slots = {name: cls.__dict__[name] for name in attributes}
         super().__init_subclass__()

@@ -18,23 +18,30 @@ else:  # slow to import, and not needed
 
 _LAUNCH = "there are no launch files; start each program separately, with `taskrpc run`"
 _TF2 = "there are no transforms"
-_IMAGES = "`numpy.asarray(image.data)` views the bytes of an Image without copying"
 _COMMANDS = "use `taskrpc service`, `topic`, `node`, `param` and `interface`"
 _CHECKS = "it checks a package's style, in `colcon test` on a real ROS 2"
 _NONE = "only a real ROS 2 has it"
+_CAMERAS = "`cv_bridge` and OpenCV exist, but nothing computes with camera models"
+_MARKERS = "there is no rviz2 to show markers; the messages of `visualization_msgs` exist"
+_NAV2 = "Nav2 runs only on a real ROS 2; its interfaces in `nav2_msgs` exist"
+_MOVEIT = "MoveIt runs only on a real ROS 2; its interfaces in `moveit_msgs` exist"
+_BAGS = "`taskrpc record` and `taskrpc bag` write and play recordings"
 
 _PYTHON = {
     **dict.fromkeys("launch launch_ros launch_xml launch_yaml launch_testing".split(), _LAUNCH),
     **dict.fromkeys("tf2_ros tf2_geometry_msgs tf2_sensor_msgs tf_transformations".split(), _TF2),
-    **dict.fromkeys("cv_bridge image_geometry".split(), _IMAGES),
+    "image_geometry": _CAMERAS,
+    "interactive_markers": _MARKERS,
+    "nav2_simple_commander": _NAV2,
+    **dict.fromkeys("moveit moveit_commander moveit_configs_utils".split(), _MOVEIT),
+    "rosbag2_py": _BAGS,
     **dict.fromkeys("ros2cli ros2node ros2param ros2pkg ros2service ros2topic".split(), _COMMANDS),
     **dict.fromkeys(
         "ament_copyright ament_flake8 ament_lint ament_mypy ament_pep257 ament_xmllint".split(),
         _CHECKS,
     ),
     **dict.fromkeys(
-        "message_filters moveit moveit_commander nav2_simple_commander rosbag2_py"
-        " rosidl_generator_py rpyutils rqt_gui_py sensor_msgs_py".split(),
+        "rosidl_generator_py rpyutils rqt_gui_py".split(),
         _NONE,
     ),
 }

@@ -18,7 +18,6 @@ _MANIFESTS = ("package.xml", "setup.py")
 _NAMES = (
     "rclpy",
     # Missing packages, whose import the hook explains.
-    "cv_bridge",
     "launch",
     "launch_ros",
     "tf2_ros",

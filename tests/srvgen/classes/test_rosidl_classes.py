@@ -165,6 +165,17 @@ def test_checked_fields_refuse_wrong_values_with_the_texts_of_ros(field, value, 
     setattr(cls(), field, value)  # the others are as lenient as in ROS
 
 
+def test_a_program_can_add_methods_in_a_subclass():
+    base = define("int32 number 3\nstring text")
+
+    class Described(base):
+        def described(self):
+            return f"{self.text} {self.number}"
+
+    assert Described(text="door").described() == "door 3"
+    assert to_cdr(Described(text="door")) == to_cdr(base(text="door"))
+
+
 def test_checked_fields_accept_valid_values():
     cls = define()
     message = cls(check_fields=True, single=float("inf"), inner=cls().inner)
