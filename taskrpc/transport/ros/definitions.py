@@ -40,6 +40,15 @@ def service_of_ros(type_name: str, ros: Any, find: FindMessage) -> Any:
     return _documented(type_name, srvgen.define(type_name, text))
 
 
+@lru_cache(KEPT_CLASSES)
+def action_of_ros(type_name: str, ros: Any, find: FindMessage) -> Any:
+    """Return our class with the definition of an action class of ROS. Raises DefinitionError."""
+    sections = [ros.Goal, ros.Result, ros.Feedback]
+    own = "---\n".join(_lines(section) for section in sections)
+    text = join_full_text(own, _texts_of_nested(sections, find))
+    return _documented(type_name, srvgen.define(type_name, text))
+
+
 def _documented(type_name: str, made: Any) -> Any:
     """Return the class of the definition's file if it is equal: it has comments and defaults."""
     try:

@@ -69,9 +69,33 @@ def real_rclpy() -> Any:
         raise TaskRpcError(f"{problem}; use the Python for which ROS was built") from None
 
 
+_ACTION_PARTS = {
+    "SendGoal": "SendGoalService",
+    "GetResult": "GetResultService",
+    "FeedbackMessage": "FeedbackMessage",
+}
+"""The services and messages that an action implies, and their names in its class `Impl`."""
+
+
+def action_part(type_name: str) -> tuple[str, str]:
+    """Return the action and the name in its `Impl` for a type that an action implies.
+
+    Both are "" for other types.
+    """
+    action, _, suffix = type_name.rpartition("_")
+    part = _ACTION_PARTS.get(suffix, "")
+    return (action, part) if part and "/action/" in action else ("", "")
+
+
 @lru_cache(KEPT_CLASSES)
 def ros_class(type_name: str) -> Any:
-    """Return the class that ROS has generated for `std_srvs/srv/Trigger`. Raises NotBuilt."""
+    """Return the class that ROS has generated for `std_srvs/srv/Trigger`. Raises NotBuilt.
+
+    The services and messages that an action implies are in the class of the action.
+    """
+    action, part = action_part(type_name)
+    if action:
+        return getattr(ros_class(action).Impl, part)
     package, _, rest = type_name.partition("/")
     kind, _, name = rest.partition("/")
     try:

@@ -7,15 +7,15 @@ from typing import Any
 import srvgen
 from taskrpc.errors import TypeMismatch
 from taskrpc.transport.codec import ServiceType
-from taskrpc.transport.ros.definitions import message_of_ros, service_of_ros
-from taskrpc.transport.ros.installed import NotBuilt, ros_class
+from taskrpc.transport.ros.definitions import action_of_ros, message_of_ros, service_of_ros
+from taskrpc.transport.ros.installed import NotBuilt, action_part, ros_class
 
 
 def ros_service(srv_type: ServiceType) -> Any:
     """Return ROS's class of a service. Raises NotBuilt, and TypeMismatch if it differs."""
     name = srv_type._TYPE
     ros = ros_class(name)
-    _check(name, srv_type._HASH, service_of_ros(name, ros, ros_class)._HASH)
+    _check(name, srv_type._HASH, _service(name)._HASH)
     return ros
 
 
@@ -23,7 +23,9 @@ def ros_message(msg_type: Any) -> Any:
     """Return ROS's class of a message. Raises NotBuilt, and TypeMismatch if it differs."""
     name = msg_type._TYPE
     ros = ros_class(name)
-    _check(name, msg_type._HASH, message_of_ros(name, ros, ros_class)._HASH)
+    action, part = action_part(name)
+    made = _part(action, part) if action else message_of_ros(name, ros, ros_class)
+    _check(name, msg_type._HASH, made._HASH)
     return ros
 
 
@@ -33,7 +35,7 @@ def our_service(type_name: str) -> Any:
     Raises NotBuilt or srvgen.DefinitionError.
     """
     try:
-        return service_of_ros(type_name, ros_class(type_name), ros_class)
+        return _service(type_name)
     except NotBuilt as error:
         try:
             return srvgen.load(type_name)
@@ -54,6 +56,19 @@ def service_hash(type_name: str, request: str, response: str) -> str:
     if ours == (request, response):
         return str(found._HASH)
     return f"request {request}, response {response}"
+
+
+def _service(type_name: str) -> Any:
+    """Return our class with the definition that ROS has built for a service. Raises NotBuilt."""
+    action, part = action_part(type_name)
+    if action:
+        return _part(action, part)
+    return service_of_ros(type_name, ros_class(type_name), ros_class)
+
+
+def _part(action: str, part: str) -> Any:
+    """Return our class of a service or message that an action implies. Raises NotBuilt."""
+    return getattr(action_of_ros(action, ros_class(action), ros_class).Impl, part)
 
 
 def _check(type_name: str, ours: str, ros: str) -> None:

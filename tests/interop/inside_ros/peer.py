@@ -10,10 +10,12 @@ import threading
 import time
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
+from test_msgs.action import Fibonacci
 
 
 def serve(node):
@@ -93,6 +95,62 @@ def listen(node, topic, count):
         rclpy.spin_once(node, timeout_sec=1)
     for each in got:
         say(each)
+
+
+def serve_action(node):
+    """Serve /fibonacci: reject the order 0, abort the order 1, cancel when a client asks."""
+
+    def execute(goal):
+        sequence = [0, 1]
+        for _ in range(goal.request.order):
+            if goal.is_cancel_requested:
+                goal.canceled()
+                return Fibonacci.Result(sequence=sequence)
+            sequence.append(sequence[-1] + sequence[-2])
+            goal.publish_feedback(Fibonacci.Feedback(sequence=sequence))
+            time.sleep(0.1)
+        if goal.request.order == 1:
+            goal.abort()
+        else:
+            goal.succeed()
+        return Fibonacci.Result(sequence=sequence)
+
+    ActionServer(
+        node,
+        Fibonacci,
+        "/fibonacci",
+        execute,
+        goal_callback=lambda goal: GoalResponse.ACCEPT if goal.order else GoalResponse.REJECT,
+        cancel_callback=lambda goal: CancelResponse.ACCEPT,
+    )
+    say("ready")
+    rclpy.spin(node, MultiThreadedExecutor())
+
+
+def act(node, order, cancel=""):
+    """Send a goal to /fibonacci; print its feedback and its end."""
+    client = ActionClient(node, Fibonacci, "/fibonacci")
+    if not client.wait_for_server(10):
+        say("no server")
+        return
+    heard = []
+    sent = client.send_goal_async(
+        Fibonacci.Goal(order=int(order)), lambda message: heard.append(message.feedback.sequence)
+    )
+    rclpy.spin_until_future_complete(node, sent, timeout_sec=10)
+    if not (handle := sent.result()).accepted:
+        say("rejected")
+        return
+    if cancel:
+        while not heard:
+            rclpy.spin_once(node, timeout_sec=1)
+        future = handle.cancel_goal_async()
+        rclpy.spin_until_future_complete(node, future, timeout_sec=10)
+        say("canceling", len(future.result().goals_canceling))
+    future = handle.get_result_async()
+    rclpy.spin_until_future_complete(node, future, timeout_sec=20)
+    say("status", future.result().status, "sequence", *future.result().result.sequence)
+    say("feedback", *[len(each) for each in heard])
 
 
 def graph(node, *wanted):

@@ -39,6 +39,7 @@ Trigger = srvgen.load("std_srvs/srv/Trigger")
 SetBool = srvgen.load("std_srvs/srv/SetBool")
 String = srvgen.load("std_msgs/msg/String")
 AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
+Fibonacci = srvgen.load("test_msgs/action/Fibonacci")
 
 
 @pytest.fixture(autouse=True)
@@ -483,3 +484,66 @@ def test_taskrpc_run_explains_that_its_rclpy_is_not_the_real_one(tmp_path):
     assert ended.returncode == 1
     assert "here rclpy is taskrpc's own; start the program with python" in ended.stderr
     assert "Traceback" not in ended.stderr
+
+
+# Actions
+
+
+async def fibonacci(goal):
+    """Do what `peer.py serve_action` does."""
+    sequence = [0, 1]
+    for _ in range(goal.request.order):
+        if goal.is_cancel_requested:
+            return goal.canceled(Fibonacci.Result(sequence=sequence))
+        sequence.append(sequence[-1] + sequence[-2])
+        goal.publish_feedback(Fibonacci.Feedback(sequence=sequence))
+        await asyncio.sleep(0.1)
+    if goal.request.order == 1:
+        raise taskrpc.HandlerError("NOT_FOUND", "no such number")
+    return Fibonacci.Result(sequence=sequence)
+
+
+async def test_ros_client_sends_goals_to_our_action(stack):
+    ours = await node(stack)
+    accepts = {"goal": lambda goal: goal.order > 0}
+    ours.create_action_server(Fibonacci, "/fibonacci", fibonacci, **accepts)
+    lines = await output("act", "3")
+    assert lines == ["status 4 sequence 0 1 1 2 3", "feedback 3 4 5"]
+    assert await output("act", "0") == ["rejected"]
+    assert (await output("act", "1"))[0] == "status 6 sequence"
+    canceling, status, _ = await output("act", "100", "cancel")
+    assert canceling == "canceling 1"
+    assert status.startswith("status 5 sequence 0 1 1")
+
+
+async def test_we_send_goals_to_an_action_of_ros(stack, peer):
+    peer("serve_action")
+    ours = await node(stack)
+    client = ours.create_action_client(Fibonacci, "/fibonacci")
+    assert await client.wait_for_server(10)
+    handle = await client.send_goal(Fibonacci.Goal(order=3))
+    assert [len(each.sequence) async for each in handle.feedback] == [3, 4, 5]
+    assert list((await handle.result()).sequence) == [0, 1, 1, 2, 3]
+    with pytest.raises(taskrpc.GoalRejected):
+        await client.send_goal(Fibonacci.Goal(order=0))
+    handle = await client.send_goal(Fibonacci.Goal(order=1))
+    with pytest.raises(taskrpc.GoalAborted) as aborted:
+        await handle.result(timeout=10)
+    assert list(aborted.value.result.sequence) == [0, 1, 1]
+    handle = await client.send_goal(Fibonacci.Goal(order=100))
+    await anext(handle.feedback)
+    assert await handle.cancel()
+    with pytest.raises(taskrpc.GoalCanceled):
+        await handle.result(timeout=10)
+
+
+async def test_goals_of_a_ros_server_that_is_killed_fail(stack, peer):
+    process = peer("serve_action")
+    ours = await node(stack)
+    client = ours.create_action_client(Fibonacci, "/fibonacci")
+    assert await client.wait_for_server(10)
+    handle = await client.send_goal(Fibonacci.Goal(order=500))
+    await anext(handle.feedback)
+    process.terminate()
+    with pytest.raises(OutcomeUnknown):
+        await handle.result(timeout=40)

@@ -15,6 +15,11 @@ def fake_class(type_name):
     package, kind, _ = type_name.split("/")
     if package not in BUILT:
         raise installed.NotBuilt(type_name)
+    action, part = installed.action_part(type_name)
+    if action:
+        return getattr(fake_ros.ros_action(action).Impl, part)
+    if kind == "action":
+        return fake_ros.ros_action(type_name)
     return fake_ros.ros_service(type_name) if kind == "srv" else fake_ros.ros_message(type_name)
 
 

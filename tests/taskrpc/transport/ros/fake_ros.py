@@ -316,6 +316,23 @@ def ros_service(type_name):
     return _made[type_name]
 
 
+def ros_action(type_name):
+    """Return a class such as ROS generates for an action, with `Impl`."""
+    if type_name not in _made:
+        ours = srvgen.load(type_name)
+        parts = {
+            name: ros_message(f"{type_name}_{name}") for name in ("Goal", "Result", "Feedback")
+        }
+        impl = {
+            "SendGoalService": ros_service(f"{type_name}_SendGoal"),
+            "GetResultService": ros_service(f"{type_name}_GetResult"),
+            "FeedbackMessage": ros_message(f"{type_name}_FeedbackMessage"),
+        }
+        parts["Impl"] = type("Impl", (), impl)
+        _made[type_name] = _Generated(ours.__name__, (), parts)
+    return _made[type_name]
+
+
 class _Generated(type):
     def __import_type_support__(cls): ...
 

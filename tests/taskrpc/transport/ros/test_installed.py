@@ -61,6 +61,17 @@ def test_generated_class_is_found(monkeypatch):
     assert ros_class("door_msgs/srv/Open") is module.Open
 
 
+def test_parts_of_an_action_are_found_in_the_class_of_the_action(monkeypatch):
+    module = ModuleType("door_msgs.action")
+    module.Open = fake_ros.ros_action("test_msgs/action/Fibonacci")
+    monkeypatch.setitem(sys.modules, "door_msgs", ModuleType("door_msgs"))
+    monkeypatch.setitem(sys.modules, "door_msgs.action", module)
+    assert ros_class("door_msgs/action/Open") is module.Open
+    assert ros_class("door_msgs/action/Open_SendGoal") is module.Open.Impl.SendGoalService
+    assert ros_class("door_msgs/action/Open_GetResult") is module.Open.Impl.GetResultService
+    assert ros_class("door_msgs/action/Open_FeedbackMessage") is module.Open.Impl.FeedbackMessage
+
+
 @pytest.mark.parametrize("package", ["door_msgs", "my_robot_interfaces", "taskrpc_interfaces"])
 def test_package_of_the_user_is_to_be_built_and_not_installed(monkeypatch, package):
     monkeypatch.setenv("ROS_DISTRO", "kilted")

@@ -45,3 +45,18 @@ def test_hash_of_a_service_follows_from_its_parts():
     other = types.service_hash("std_srvs/srv/Trigger", parts[1], parts[0])
     assert other == f"request {parts[1]}, response {parts[0]}"
     assert types.service_hash("door_msgs/srv/Open", *parts) == ""
+
+
+@pytest.mark.parametrize("name", ["Fibonacci", "NestedMessage"])
+def test_the_services_and_messages_of_an_action_are_in_its_class(name):
+    type_name = f"test_msgs/action/{name}"
+    impl = srvgen.load(type_name).Impl
+    assert types.ros_service(impl.SendGoalService).Request
+    assert types.ros_service(impl.GetResultService).Response
+    assert types.ros_message(impl.FeedbackMessage)
+    assert types.our_service(f"{type_name}_SendGoal")._HASH == impl.SendGoalService._HASH
+    other = srvgen.define(type_name, "---\n---\nint32 x\n").Impl
+    with pytest.raises(TypeMismatch, match=f"{type_name}_FeedbackMessage differs"):
+        types.ros_message(other.FeedbackMessage)
+    with pytest.raises(TypeMismatch, match=f"{type_name}_SendGoal differs"):
+        types.ros_service(other.SendGoalService)
