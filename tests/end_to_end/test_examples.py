@@ -41,6 +41,7 @@ QUICK = {
     "examples/05_timeouts/client.py": ["5", "0.4"],
     "examples/06_retry_with_backoff/client.py": ["0.08"],
     "examples/07_concurrent_requests/server.py": ["0.06"],
+    "examples/09_actions/server.py": ["0.02"],
     "taskrpc-server": ["--speed", "100", "--fresh"],
 }
 # Requests that run at the same time may print their lines in any order.
