@@ -23,9 +23,10 @@ from ..definitions.lines import split_full_text
 from ..definitions.model import Definition, MessageDef
 from ..definitions.names import split_type_name
 from ..errors import DefinitionError, InvalidText
+from ..files.archive import ARCHIVE
 from ..files.dependencies import full_text, joined_text, with_dependencies
 from ..files.reading import parse_definition
-from ..files.search import BUNDLED, Search
+from ..files.search import Search, bundled_text
 from ..typehash import Hasher, Resolve, hash_of
 from .render import Block, Import, ModuleSource, imports_of, render
 
@@ -168,7 +169,7 @@ def _load(owner: str) -> _Loaded:
 
 def _stamp(path: Path) -> _Stamp:
     try:
-        status = path.stat()
+        status = (ARCHIVE if ARCHIVE in path.parents else path).stat()
     except OSError:
         return path, 0, 0
     return path, status.st_mtime_ns, status.st_size
@@ -215,11 +216,10 @@ class _FullTextSource:
 
 
 def _bundled_text(full_name: str) -> str:
-    package, kind, name = split_type_name(full_name)
-    path = BUNDLED / package / kind / f"{name}.{kind}"
-    if not path.is_file():
+    text = bundled_text(split_type_name(full_name))
+    if text is None:
         raise DefinitionError(f"expected the definition of {full_name} in the text, got none")
-    return path.read_text(encoding="utf-8")
+    return text
 
 
 class _Builder:

@@ -13,6 +13,7 @@ from ..definitions.model import Definition, Kind
 from ..definitions.names import is_package_name, snake_case
 from ..errors import DefinitionError
 from ..parser import parse_action, parse_msg, parse_srv
+from . import archive
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 """The folders of a package with definitions; each name is also the suffix of its files."""
@@ -65,6 +66,8 @@ def read_data(path: Path) -> bytes:
     Raises:
         DefinitionError: the file cannot be read.
     """
+    if (packed := archive.text_of(path)) is not None:
+        return packed.encode()
     try:
         # Reading a pipe would block until it has a writer; a device may be endless.
         if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():

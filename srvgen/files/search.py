@@ -14,11 +14,15 @@ from ..definitions.derived import derived_types
 from ..definitions.model import Definition, Kind
 from ..definitions.names import TypeName, is_package_name, split_type_name
 from ..errors import DefinitionError
+from . import archive
+from .archive import ARCHIVE
 from .dependencies import check_ros2_types, error_with_dependencies, full_text, with_dependencies
 from .reading import KINDS, read_definition, read_text, subfolders
 
 BUNDLED = Path(__file__).parents[1] / "interfaces"
-"""The packages that come with srvgen."""
+"""The packages that come with srvgen as files; those of `archive` come with it too."""
+
+_INCLUDED = (BUNDLED, ARCHIVE)
 
 _log = logging.getLogger("srvgen")
 _logged: set[tuple[Path, str]] = set()
@@ -235,7 +239,7 @@ class Search:
         yield from _environment("TASKRPC_INTERFACE_PATH")
         for prefix in _environment("AMENT_PREFIX_PATH"):
             yield prefix / "share"
-        yield BUNDLED
+        yield from _INCLUDED
 
     def _candidates(self, name: TypeName) -> tuple[Path, TypeName] | None:
         """The file of a type, or of the service or action that it is derived from."""
@@ -259,7 +263,7 @@ class Search:
             for folder in folders:
                 path = _file_of(folder, owner)
                 if path is not None:
-                    if local and folder.parent == BUNDLED:
+                    if local and folder.parent in _INCLUDED:
                         _log_bundled(local, owner)
                     return path, owner
                 local = local or folder
@@ -273,7 +277,7 @@ class Search:
 
     def _read(self, path: Path, package: str) -> Definition:
         try:
-            status = path.stat()
+            status = (ARCHIVE if ARCHIVE in path.parents else path).stat()
         except OSError:  # deleted since it was found: `read_definition` raises the error
             return read_definition(path, package)
         stamp = (status.st_mtime_ns, status.st_size)
@@ -305,6 +309,14 @@ class Search:
         return error
 
 
+def bundled_text(name: TypeName) -> str | None:
+    """The text of a definition that comes with srvgen; None if there is none."""
+    inner = Path(name.package, name.kind, f"{name.name}.{name.kind}")
+    if (BUNDLED / inner).is_file():
+        return (BUNDLED / inner).read_text(encoding="utf-8")
+    return archive.text_of(ARCHIVE / inner)
+
+
 def _shown(folders: Iterable[Path]) -> tuple[str, ...]:
     """Folders as error messages show them, each once, without the folders of installed packages."""
     import sysconfig  # rarely needed, and slow to load
@@ -312,7 +324,7 @@ def _shown(folders: Iterable[Path]) -> tuple[str, ...]:
     installed = (BUNDLED.parent, *(Path(sysconfig.get_path(one)) for one in ("scripts", "purelib")))
     shown: dict[str, None] = {}
     for folder in folders:
-        if BUNDLED in (folder, folder.parent):
+        if folder in _INCLUDED or folder.parent in _INCLUDED:
             shown["the packages of srvgen"] = None
         elif not any(folder.is_relative_to(one) for one in installed):
             shown[str(folder)] = None
@@ -330,6 +342,10 @@ def _environment(variable: str) -> list[Path]:
 
 def _folders_of(package: str, roots: Iterable[Path]) -> Iterator[Path]:
     for root in roots:
+        if root == ARCHIVE:
+            if archive.definitions(package):
+                yield root / package
+            continue
         if root.name == package and _is_package(root):
             yield root
         # Most folders do not have the package; a string path is the cheapest way to find out.
@@ -339,6 +355,9 @@ def _folders_of(package: str, roots: Iterable[Path]) -> Iterator[Path]:
 
 def _package_folders(root: Path) -> Iterator[Path]:
     """The root itself if it is a package, and the packages directly in it."""
+    if root == ARCHIVE:
+        yield from (root / name for name in archive.packages())
+        return
     if _is_package(root):
         yield root
     try:
@@ -357,6 +376,8 @@ def _is_package(folder: Path) -> bool:
 def _file_of(package: Path, name: TypeName) -> Path | None:
     """The file of a type in a package, also in a subfolder of `msg`, `srv` or `action`."""
     inner, file = package / name.kind, f"{name.name}.{name.kind}"
+    if package.parent == ARCHIVE:
+        return inner / file if archive.text_of(inner / file) is not None else None
     if _is_file(inner / file):
         return inner / file
     below = () if package.parent == BUNDLED else subfolders(inner)
@@ -365,6 +386,10 @@ def _file_of(package: Path, name: TypeName) -> Path | None:
 
 def _files(package: Path, kind: Kind) -> Iterator[Path]:
     """The definition files of a kind, those in subfolders last."""
+    if package.parent == ARCHIVE:
+        names = archive.definitions(package.name)
+        yield from (package / name for name in names if name.startswith(f"{kind}/"))
+        return
     yield from _files_in(package / kind, kind)
     for folder in subfolders(package / kind):
         yield from _files_in(folder, kind)
@@ -417,8 +442,8 @@ def _log_bundled(local: Path, name: TypeName) -> None:
         path.stem
         for kind in KINDS
         for path in _files(local, kind)
-        if (twin := BUNDLED / name.package / kind / path.name).is_file()
-        and twin.read_bytes().split() != path.read_bytes().split()
+        if (twin := bundled_text(TypeName(name.package, kind, path.stem))) is not None
+        and twin.encode().split() != path.read_bytes().split()
     ]
     _log.log(
         logging.WARNING if mixed else logging.INFO,

@@ -25,7 +25,7 @@ _CAMERAS = "`cv_bridge` and OpenCV exist, but nothing computes with camera model
 _MARKERS = "there is no rviz2 to show markers; the messages of `visualization_msgs` exist"
 _NAV2 = "Nav2 runs only on a real ROS 2; its interfaces in `nav2_msgs` exist"
 _MOVEIT = "MoveIt runs only on a real ROS 2; its interfaces in `moveit_msgs` exist"
-_BAGS = "`taskrpc record` and `taskrpc bag` write and play recordings"
+_BAGS = "`taskrpc bag` reads and converts recordings"
 
 _PYTHON = {
     **dict.fromkeys("launch launch_ros launch_xml launch_yaml launch_testing".split(), _LAUNCH),

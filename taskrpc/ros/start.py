@@ -74,12 +74,23 @@ def _may_be_known(name: "str") -> "bool":
     """Whether the hook may find a package, in any of the places where it searches."""
     if name in _NAMES or any(os.path.isdir(os.path.join(one, name)) for one in _bundled()):
         return True
+    if _bundled() and _is_in_archive(f"{_bundled()[0]}.zip", name):
+        return True
     places = _places()
     if any(_is_in_a_package(place) or _has_packages(place) for place in places):
         return True
     roots = [os.path.join(place, "src") for place in places]
     roots += os.environ.get("TASKRPC_INTERFACE_PATH", "").split(os.pathsep)
     return any(_has_definitions(os.path.join(root, name)) for root in roots if root)
+
+
+def _is_in_archive(archive: "str", name: "str") -> "bool":
+    from zipimport import ZipImportError, zipimporter
+
+    try:
+        return bool(zipimporter(archive).get_data(f"{name}.txt"))
+    except (OSError, ZipImportError):
+        return False
 
 
 def _has_definitions(folder: "str") -> "bool":

@@ -10,6 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+from srvgen.files import archive
 from srvgen.files.search import BUNDLED
 from taskrpc.errors import TaskRpcError, TypeMismatch
 from taskrpc.transport.codec import KEPT_CLASSES
@@ -32,7 +33,8 @@ class NotBuilt(TypeMismatch):
 
 def _advice(package: str) -> str:
     """Return how to get a package for ROS: only those of ROS itself can be installed."""
-    if package in _TASKRPC_PACKAGES or not (BUNDLED / package).is_dir():
+    is_of_ros = (BUNDLED / package).is_dir() or bool(archive.definitions(package))
+    if package in _TASKRPC_PACKAGES or not is_of_ros:
         return (
             "build the workspace that has this package with `colcon build`, and source its"
             " install/setup.bash (`taskrpc export colcon` makes a workspace)"

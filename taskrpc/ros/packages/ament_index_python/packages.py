@@ -7,6 +7,7 @@ import re
 import sys
 from pathlib import Path
 
+from srvgen.files import archive
 from srvgen.files.search import BUNDLED
 from taskrpc.ros import hook, workspace
 
@@ -23,6 +24,8 @@ def get_package_share_path(package_name: str, print_warning: bool = True) -> Pat
     if not re.fullmatch(r"[A-Za-z0-9_-]+", package_name):
         raise ValueError(f"'{package_name}' is not a valid package name")
     folder = _packages().get(package_name)
+    if folder is None and archive.definitions(package_name):
+        return archive.unpacked(package_name)
     if folder is None:
         places = [str(one) for one in _starts()]
         raise PackageNotFoundError(f"package '{package_name}' not found, searching: {places}")
@@ -43,8 +46,12 @@ def get_package_prefix(package_name: str) -> str:
 
 
 def get_packages_with_prefixes() -> dict[str, str]:
-    """All packages that are found, by name, each with its folder."""
-    return {name: str(folder) for name, folder in _packages().items()}
+    """All packages that are found, by name, each with its folder.
+
+    Packages in srvgen's archive have a path below that of the archive.
+    """
+    packed = {name: archive.ARCHIVE / name for name in archive.packages()}
+    return {name: str(folder) for name, folder in {**packed, **_packages()}.items()}
 
 
 def _starts() -> list[Path]:

@@ -8,6 +8,7 @@ from typing import TypeAlias
 
 import srvgen
 from srvgen.classes.loader import search
+from srvgen.files import archive
 from srvgen.files.reading import KINDS
 from taskrpc.ros.packages.ament_index_python.packages import get_packages_with_prefixes
 
@@ -62,6 +63,8 @@ def get_interface_path(interface_name: str) -> str:
         path = Path()
     if path == Path() or (dot and path.suffix != f".{kind}"):
         raise LookupError(f"Could not find the interface '{interface_name}'")
+    if archive.ARCHIVE in path.parents:
+        return str(archive.unpacked(parts[0]) / path.parent.name / path.name)
     return str(path)
 
 

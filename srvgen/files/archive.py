@@ -1,0 +1,79 @@
+"""Reads packages of definitions in the archive `interfaces.zip`, without unpacking it.
+
+The archive has one text for each package, made by `interfaces/pack.py`: the texts of all files,
+each after a line with its name. A file in it has a path below that of the archive, as if the
+archive were a folder: `interfaces.zip/nav2_msgs/msg/Costmap.msg`.
+"""
+
+from __future__ import annotations
+
+import atexit
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from zipimport import ZipImportError, zipimporter  # far faster to import than zipfile
+
+ARCHIVE = Path(__file__).parents[1] / "interfaces.zip"
+
+_MARK = "=== "
+"""The beginning of a line with the name of a file; no definition has such a line."""
+
+_LIST = "packages.txt"
+
+
+@cache
+def packages() -> tuple[str, ...]:
+    """The names of all packages in the archive, in order."""
+    return tuple(_read(_LIST).split())
+
+
+@cache
+def definitions(package: str) -> Mapping[str, str]:
+    """The texts of a package's files by name, such as `msg/Costmap.msg`; empty for no package."""
+    found = {}
+    for part in ("\n" + _read(f"{package}.txt")).split(f"\n{_MARK}")[1:]:
+        name, _, text = part.partition("\n")
+        found[name] = text if not text or text.endswith("\n") else f"{text}\n"
+    return MappingProxyType(found)
+
+
+def joined(texts: Mapping[str, str]) -> str:
+    """The text of a package as the archive stores it; each is empty or ends with a line end."""
+    return "".join(f"{_MARK}{name}\n{text}" for name, text in texts.items())
+
+
+def text_of(path: Path) -> str | None:
+    """The text of a file in the archive; None for any other path."""
+    try:
+        package, *inner = path.relative_to(ARCHIVE).parts
+    except ValueError:
+        return None
+    return definitions(package).get("/".join(inner))
+
+
+def unpacked(package: str) -> Path:
+    """A folder with the package's files, for what needs a real path; Python's end deletes it."""
+    folder = _temporary_folder() / package
+    for name, text in definitions(package).items():
+        path = folder / name
+        if not path.is_file():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8", newline="")
+    return folder
+
+
+@cache
+def _temporary_folder() -> Path:
+    from tempfile import TemporaryDirectory  # only few programs need it
+
+    folder = TemporaryDirectory(prefix="srvgen-")
+    atexit.register(folder.cleanup)
+    return Path(folder.name)
+
+
+def _read(name: str) -> str:
+    try:
+        return zipimporter(str(ARCHIVE)).get_data(name).decode("utf-8")
+    except (OSError, ZipImportError):  # no such file in the archive, or no archive
+        return ""
