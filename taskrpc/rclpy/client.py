@@ -174,7 +174,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             self._pending[number] = future
 
         def on_response(response: Any, error: BaseException | None) -> None:
-            self._responses.append((number, response, error))
+            self._responses.append((number, *self._as_in_ros(response, error)))
             self.notify_executor()
             self.handle.item_arrived()
 
@@ -197,6 +197,12 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         if like_ros():
             self._send_to_others(request, on_response)
         return cancel
+
+    def _as_in_ros(
+        self, response: Any, error: BaseException | None
+    ) -> tuple[Any, BaseException | None]:
+        """Return the response and the error that the program gets."""
+        return response, error
 
     def _send_to_others(self, request: SrvRequestT, on_response: OnResponse) -> None:
         channel = self._native.channel

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 from taskrpc.actions.messages import ActionMessages, bytes_of
 from taskrpc.actions.names import names_of as action_names
 from taskrpc.actions.states import GoalState
+from taskrpc.errors import Code, HandlerFailed
 
 from .._impl.actions.goal_ids import shown
 from .._impl.node_interface import NodeInterface
@@ -108,6 +109,26 @@ class ClientGoalHandle(Generic[GoalT, ResultT, FeedbackT]):
         return self._action_client._get_result_async(self)
 
 
+class _PartClient(Client[Any, Any]):
+    """A client of one service of an action."""
+
+    def _as_in_ros(
+        self, response: Any, error: BaseException | None
+    ) -> tuple[Any, BaseException | None]:
+        """Return ROS's response where a server of the native API says why it rejected or aborted.
+
+        UNAVAILABLE means that the server has ended; the future of the result keeps this error.
+        """
+        if not isinstance(error, HandlerFailed):
+            return response, error
+        made = self.srv_type.Response()
+        if hasattr(made, "status"):
+            if error.code is Code.UNAVAILABLE:
+                return response, error
+            made.status = int(GoalState.ABORTED)
+        return made, None
+
+
 class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     """Sends goals to one action.
 
@@ -143,7 +164,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         self._messages = messages = ActionMessages(action_type)
 
         def client(kind: Any, name: str, qos: QoSProfile) -> Client[Any, Any]:
-            return Client(node, kind, node.resolve_service_name(name), qos, group)
+            return _PartClient(node, kind, node.resolve_service_name(name), qos, group)
 
         def subscription(kind: Any, name: str, take: Any, qos: QoSProfile) -> Subscription[Any]:
             return Subscription(node, kind, node.resolve_topic_name(name), take, group, qos)

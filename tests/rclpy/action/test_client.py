@@ -4,6 +4,8 @@ import threading
 
 import pytest
 
+import taskrpc
+import taskrpc.sync
 from taskrpc.errors import WouldDeadlock
 from taskrpc.rclpy import action as action_module
 from taskrpc.rclpy.action import ActionClient
@@ -33,6 +35,51 @@ def test_a_goal_gets_its_feedback_and_its_result():
         response = pair.world.answer(handle.get_result_async())
         assert ended(response) == (GoalStatus.STATUS_SUCCEEDED, [3])
         pair.world.spin_until(lambda: handle.status == GoalStatus.STATUS_SUCCEEDED)
+
+
+def test_a_server_of_the_native_api_is_used_as_one_of_ros():
+    def accept(goal):
+        if goal.order == 1:
+            raise taskrpc.HandlerError("OUT_OF_RANGE", "not one")
+        return goal.order > 0
+
+    def execute(goal):
+        goal.publish_feedback(Fibonacci.Feedback(sequence=[goal.request.order]))
+        if goal.request.order == 2:
+            raise taskrpc.HandlerError("NOT_FOUND", "no such number")
+        return result(goal.request.order)
+
+    with taskrpc.sync.Node("native") as node, living() as world:
+        node.create_action_server(Fibonacci, "fibonacci", execute, goal=accept)
+        client = ActionClient(world.node("calling"), Fibonacci, "fibonacci")
+        assert client.wait_for_server(10)
+
+        def send(number):
+            return world.answer(client.send_goal_async(order(number)))
+
+        assert [send(number).accepted for number in range(4)] == [False, False, True, True]
+        for number, expected in (
+            (2, (GoalStatus.STATUS_ABORTED, [])),
+            (3, (GoalStatus.STATUS_SUCCEEDED, [3])),
+        ):
+            assert ended(world.answer(send(number).get_result_async())) == expected
+
+
+def test_a_client_of_the_native_api_uses_a_server_of_ros():
+    with action(count) as pair, taskrpc.sync.Node("native") as node:
+        client = node.create_action_client(Fibonacci, "fibonacci")
+        sent = []
+
+        def run():
+            handle = client.send_goal(order(3))
+            sent.append([list(each.sequence) for each in handle.feedback])
+            sent.append(list(handle.result(10).sequence))
+
+        thread = threading.Thread(target=run)
+        thread.start()
+        pair.world.spin_until(lambda: len(sent) == 2)
+        thread.join(10)
+        assert sent == [[[0], [1], [2]], [3]]
 
 
 def test_feedback_callbacks_may_be_coroutines():
