@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 from srvgen.cli import completion
 from taskrpc import names
+from taskrpc.cli.action.action_graph import actions
 from taskrpc.cli.shared import definitions, graph
 from taskrpc.cli.shared.remote import HERE
 from taskrpc.cli.topic.topic_graph import topics
@@ -60,6 +61,21 @@ def _type_of_topic(options: Namespace) -> Iterable[str]:
     return known.types if known else _interfaces("msg")
 
 
+def _actions(_: Namespace) -> Iterable[str]:
+    return actions(_entries())
+
+
+def _type_of_action(options: Namespace) -> Iterable[str]:
+    """Complete the type of the action named before it; every type if no program has it."""
+    known = actions(_entries()).get(getattr(options, "action_name", ""))
+    return known.types if known else _interfaces("action")
+
+
+def _goal(options: Namespace) -> Iterable[str]:
+    """Complete the type of a goal; the values that follow it are not completed."""
+    return [] if options.goal else _type_of_action(options)
+
+
 def _packages(_: Namespace) -> Iterable[str]:
     from pathlib import Path
 
@@ -84,6 +100,9 @@ def _programs(options: Namespace) -> Iterable[str]:
 
 _FINDERS: dict[str, completion.Finder] = {
     "service_name": _services,
+    "action_name": _actions,
+    "action_type": _type_of_action,
+    "goal": _goal,
     "topic_name": _topics,
     "topic_names": _topics,
     "node_name": _nodes,

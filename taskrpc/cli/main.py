@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 _GROUPS = {
     "Commands": {
         "service": "Call services, list them and watch their calls",
+        "action": "Send goals to actions, list them and watch them",
         "topic": "Read topics, publish on them and measure them",
         "interface": "Show the definitions of messages and services",
         "node": "List nodes and what they offer",
@@ -74,7 +75,6 @@ _OLD_NAMES = {"alias": ("shell", "configure_alias"), "leave": ("join", "configur
 
 _ELSEWHERE = {
     "launch": "start each program with its own taskrpc run",
-    "action": "actions do not exist yet; services and topics do",
     "lifecycle": "call the node's services, such as /NODE/change_state, with taskrpc service call",
     "component": "start each node with its own taskrpc run",
     "control": "there is no controller manager",
@@ -85,7 +85,7 @@ _ELSEWHERE = {
 """Commands of ros2 that taskrpc does not have, and what to do instead."""
 
 _IN_FOLDERS = frozenset(
-    "bag bridge classroom demo doctor param pkg router service task top topic".split()
+    "action bag bridge classroom demo doctor param pkg router service task top topic".split()
 )
 """Commands of several modules: the module `command_line` of the folder has `configure`."""
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Iterable, Iterator
 
 from taskrpc import names
+from taskrpc.cli.action.action_graph import Action, actions
 from taskrpc.cli.shared import graph, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
 from taskrpc.cli.shared.parsing import add_command, add_group, print_names
@@ -72,11 +73,20 @@ def _info(options: argparse.Namespace) -> int:
     sections["Publishers"] = _of_node(name, (e.publishers for e in entries), hidden)
     sections["Service Servers"] = _of_node(name, (e.services for e in entries), hidden)
     sections["Service Clients"] = _of_node(name, (e.clients for e in entries), hidden)
+    known_actions = actions(entries)
+    sections["Action Servers"] = _actions(name, known_actions, "servers")
+    sections["Action Clients"] = _actions(name, known_actions, "clients")
     if options.json:
         print(json.dumps({"name": name, **sections}))
     else:
         print("\n".join(_text(name, sections)))
     return Exit.DONE
+
+
+def _actions(node: str, known: dict[str, Action], side: str) -> dict[str, str]:
+    """Return the names and types of the actions that a node offers or uses."""
+    nodes = {name: getattr(action, side) for name, action in known.items()}
+    return {name: found[node] for name, found in nodes.items() if node in found}
 
 
 def _of_node(

@@ -117,7 +117,7 @@ class _Caller:
         if self._plan.as_json:
             import json
 
-            print(json.dumps(_without_nan(srvgen.to_builtins(response))), flush=True)
+            print(json.dumps(without_nan(srvgen.to_builtins(response))), flush=True)
         self._print(f"response:\n{response!r}\n")
 
     async def _reach(self, deadline: float | None) -> Client[Any, Any]:
@@ -210,12 +210,12 @@ def _requests(cls: Any, values: Sequence[str]) -> Callable[[], Any]:
     return Template(cls, values).message
 
 
-def _without_nan(value: Any) -> Any:
+def without_nan(value: Any) -> Any:
     """Return a value with None in place of NaN and infinity, which JSON does not have."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, list):
-        return [_without_nan(each) for each in value]
+        return [without_nan(each) for each in value]
     if isinstance(value, dict):
-        return {name: _without_nan(each) for name, each in value.items()}
+        return {name: without_nan(each) for name, each in value.items()}
     return value
