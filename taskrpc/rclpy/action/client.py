@@ -117,14 +117,16 @@ class _PartClient(Client[Any, Any]):
     ) -> tuple[Any, BaseException | None]:
         """Return ROS's response where a server of the native API says why it rejected or aborted.
 
-        UNAVAILABLE means that the server has ended; the future of the result keeps this error.
+        The future keeps the error if the callback that accepts goals raised an exception, and if
+        the server ended before the goal.
         """
         if not isinstance(error, HandlerFailed):
             return response, error
         made = self.srv_type.Response()
-        if hasattr(made, "status"):
-            if error.code is Code.UNAVAILABLE:
-                return response, error
+        is_result = hasattr(made, "status")
+        if error.code is (Code.UNAVAILABLE if is_result else Code.INTERNAL):
+            return response, error
+        if is_result:
             made.status = int(GoalState.ABORTED)
         return made, None
 
