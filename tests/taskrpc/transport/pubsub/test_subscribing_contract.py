@@ -395,7 +395,8 @@ async def test_invalid_topic_frames_do_not_affect_other_callers(net, caplog):
     other.create_subscription(Int32, "counts", got.append, 100)
     await until(lambda: publisher.get_subscription_count() == 2)
     chance = random.Random(7)
-    wanted = [mine._receiver.named, *_wishes(mine._receiver.named)]
+    (own,) = mine._announced
+    wanted = [own, *_wishes(own)]
 
     def misuse(session):
         kind, number = chance.choice((14, 14, 14, 15, 16)), chance.choice((0, 1, 2, 3, 2**32 - 1))
