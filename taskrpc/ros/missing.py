@@ -48,11 +48,10 @@ _PYTHON = {
 """Python packages of ROS 2, each with the advice for its users."""
 
 _INTERFACES = frozenset(
-    "action_tutorials_interfaces actuator_msgs ackermann_msgs composition_interfaces control_msgs"
-    " controller_manager_msgs custom_interfaces gazebo_msgs geographic_msgs graph_msgs"
-    " irobot_create_msgs logging_demo map_msgs moveit_msgs nav2_msgs object_recognition_msgs"
-    " octomap_msgs pcl_msgs pendulum_msgs ros_gz_interfaces rosbag2_interfaces statistics_msgs"
-    " stereo_msgs tutorial_interfaces velodyne_msgs vision_msgs".split()
+    "action_tutorials_interfaces actuator_msgs ackermann_msgs control_msgs"
+    " custom_interfaces gazebo_msgs graph_msgs irobot_create_msgs logging_demo map_msgs"
+    " moveit_msgs octomap_msgs pcl_msgs pendulum_msgs ros_gz_interfaces rosbag2_interfaces"
+    " tutorial_interfaces velodyne_msgs".split()
 )
 _LIKE_INTERFACES = re.compile(r"\w+_(interfaces?|msgs?|srvs?)")
 
