@@ -70,6 +70,29 @@ async def test_all_servers_offer_one_name_and_each_its_own(lab):
         assert (await lab.call(Trigger, f"{name}/health")).message.endswith("2 robots")
 
 
+async def test_each_server_offers_the_action_below_its_robots_name(lab):
+    await lab.add("r1")
+    await lab.add("r2")
+    ExecuteTask = srvgen.load("my_robot_interfaces/action/ExecuteTask")
+    client = lab.client.create_action_client(ExecuteTask, "/r1/robot_task/execute", timeout=30)
+    assert await client.wait_for_server(60)
+    assert not await lab.client.create_action_client(
+        ExecuteTask, "/robot_task/execute"
+    ).wait_for_server(1)
+    goals = [
+        ExecuteTask.Goal(task_type="move", target=str(target), priority=5) for target in (5, 6, 7)
+    ]
+    handles = [await client.send_goal(goal) for goal in goals]
+    for number, handle in enumerate(handles, 1):
+        states = {each.state async for each in handle.feedback}
+        assert states <= {"QUEUED", "RUNNING"}
+        assert "RUNNING" in states
+        result = await handle.result(600)
+        assert (result.state, result.task_id) == ("SUCCEEDED", number)
+    robots = {task.robot for task in lab.servers["r1"].manager.repository.tasks()}
+    assert robots == {"r1", "r2"}  # any robot executes the task of a goal
+
+
 async def test_repeated_request_that_reaches_another_server_gets_the_stored_response(lab):
     await lab.add("r1")
     first = await lab.submit(request_id="order 7")

@@ -179,3 +179,17 @@ async def test_hundreds_of_goals_wait_in_the_queue():
         handles = await asyncio.gather(*[client.send_goal(move(n % 9)) for n in range(300)])
         results = await asyncio.gather(*[handle.result() for handle in handles])
         assert [each.task_id for each in results] == list(range(1, 301))
+
+
+async def test_a_task_whose_goal_is_given_up_while_it_is_stored_is_cancelled(lab, monkeypatch):
+    submit = lab.server.manager.submit
+
+    async def slowly(*arguments, **options):
+        response = await submit(*arguments, **options)
+        await asyncio.sleep(5)
+        return response
+
+    monkeypatch.setattr(lab.server.manager, "submit", slowly)
+    with pytest.raises(taskrpc.DeadlineExceeded):
+        await lab.client.send_goal(move(50), timeout=1)
+    await until(lambda: lab.task(1).state is TaskState.CANCELED, WAITS)

@@ -132,3 +132,23 @@ async def test_unknown_callers_get_no_information(people):
 
 def _name(endpoint):
     return endpoint.name
+
+
+async def test_goals_of_the_action_follow_the_same_rules(people):
+    ExecuteTask = srvgen.load("my_robot_interfaces/action/ExecuteTask")
+    goal = ExecuteTask.Goal(task_type="move", target="3", priority=5)
+    goal_id = "0123456789abcdef" * 2
+    clients = {
+        name: client._node.create_action_client(ExecuteTask, "/robot_task/execute")
+        for name, client in people.items()
+    }
+    with pytest.raises(taskrpc.PermissionDenied, match="send_goal needs the role submit"):
+        await clients["observe"].send_goal(goal)
+    mine = await clients["submit"].send_goal(goal, goal_id=goal_id)
+    same = await clients["other"].send_goal(goal, goal_id=goal_id)
+    assert not await same.cancel()
+    operators = await clients["operate"].send_goal(goal, goal_id=goal_id)
+    assert await operators.cancel()
+    with pytest.raises(taskrpc.GoalCanceled):
+        await mine.result(60)
+    assert (await people["submit"]("ShowTask", task_id=1)).task.client == "submit"
