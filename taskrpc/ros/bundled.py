@@ -15,6 +15,13 @@ EXECUTABLES = {
         "add_two_ints_server": "demo_nodes_py.services.add_two_ints_server:main",
         "add_two_ints_client": "demo_nodes_py.services.add_two_ints_client:main",
     },
+    "tf2_ros": {
+        "static_transform_publisher": "tf2_ros.static_transform_publisher:main",
+        "tf2_echo": "tf2_ros.tf2_echo:main",
+        "tf2_monitor": "tf2_ros.tf2_monitor:main",
+        "view_frames": "tf2_tools.view_frames:main",  # ROS has it only in tf2_tools
+    },
+    "tf2_tools": {"view_frames": "tf2_tools.view_frames:main"},
 }
 """The executables by package, each with its `module:function`."""
 

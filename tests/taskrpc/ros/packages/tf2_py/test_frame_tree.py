@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskrpc.ros.packages.tf2_py import (
@@ -329,6 +329,7 @@ def trees(draw):
     return [(f"f{draw(st.integers(0, n - 1))}", f"f{n}", draw(poses)) for n in range(1, count)]
 
 
+@settings(max_examples=40)
 @given(trees(), st.data())
 def test_transforms_along_any_way_agree(links, data):
     tree = tree_of(*links)
@@ -342,6 +343,7 @@ def test_transforms_along_any_way_agree(links, data):
     assert (chain[0], chain[-1], len(set(chain))) == (b, a, len(chain))
 
 
+@settings(max_examples=40)
 @given(trees(), st.data())
 def test_order_of_arrival_does_not_matter(links, data):
     timed = [(*link, time) for link in links for time in (SECOND, 2 * SECOND)]
@@ -355,6 +357,7 @@ def test_order_of_arrival_does_not_matter(links, data):
             assert tree.obstacle("f0", name, time) == other.obstacle("f0", name, time) == ""
 
 
+@settings(max_examples=40)
 @given(trees(), st.data())
 def test_lookup_fails_exactly_when_there_is_an_obstacle(links, data):
     tree = FrameTree()
