@@ -52,9 +52,11 @@ MOST_WAITING = 1024
 """Accepted goals that may wait until others have ended; more are rejected."""
 CANCELS = 64
 """Requests to cancel that the program may decide on at the same time."""
-MANY_GOALS, STATUS_EVERY = 100, 0.1
+MANY_GOALS, STATUS_EVERY = 30, 0.1
 """With more goals than this, the status is published at most once in so many seconds: the message
 lists all goals."""
+STATUSES_PER_SECOND = 5000
+"""With thousands of goals, the status is published less often still."""
 
 
 class ServerNode(Protocol):
@@ -468,10 +470,12 @@ class ActionServer:
     # Status, expiry, and the end of the server
 
     def _publish_status(self) -> None:
-        if len(self._ledger) <= MANY_GOALS or self._destroyed:
+        count = len(self._ledger)
+        if count <= MANY_GOALS or self._destroyed:
             self._publish_status_now()
         elif self._later_status is None:
-            self._later_status = self._loop.call_later(STATUS_EVERY, self._publish_status_now)
+            wait = max(STATUS_EVERY, count / STATUSES_PER_SECOND)
+            self._later_status = self._loop.call_later(wait, self._publish_status_now)
 
     def _publish_status_now(self) -> None:
         if self._later_status is not None:
