@@ -48,10 +48,9 @@ _PYTHON = {
 """Python packages of ROS 2, each with the advice for its users."""
 
 _INTERFACES = frozenset(
-    "action_tutorials_interfaces actuator_msgs ackermann_msgs control_msgs"
-    " custom_interfaces gazebo_msgs graph_msgs irobot_create_msgs logging_demo map_msgs"
-    " moveit_msgs octomap_msgs pcl_msgs pendulum_msgs ros_gz_interfaces rosbag2_interfaces"
-    " tutorial_interfaces velodyne_msgs".split()
+    "actuator_msgs control_msgs custom_interfaces gazebo_msgs graph_msgs"
+    " irobot_create_msgs logging_demo pendulum_msgs ros_gz_interfaces rosbag2_interfaces"
+    " velodyne_msgs".split()
 )
 _LIKE_INTERFACES = re.compile(r"\w+_(interfaces?|msgs?|srvs?)")
 
