@@ -22,6 +22,12 @@ EXECUTABLES = {
         "view_frames": "tf2_tools.view_frames:main",  # ROS has it only in tf2_tools
     },
     "tf2_tools": {"view_frames": "tf2_tools.view_frames:main"},
+    "turtlesim": {
+        "turtlesim_node": "taskrpc.turtlesim.node:main",
+        "turtle_teleop_key": "taskrpc.turtlesim.teleop:main",
+        "draw_square": "taskrpc.turtlesim.draw_square:main",
+        "mimic": "taskrpc.turtlesim.mimic:main",
+    },
 }
 """The executables by package, each with its `module:function`."""
 

@@ -1,0 +1,105 @@
+"""Chooses where turtlesim draws: a window, the terminal, or nowhere."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.turtlesim.canvas import Color
+from taskrpc.turtlesim.world import World
+
+NAMES = ("auto", "window", "terminal", "none")
+_INTERVAL = 1 / 30
+"""Time between two pictures [s]."""
+
+
+class View(Protocol):
+    """A place for the picture."""
+
+    def show(self, world: World, background: Color) -> bool:
+        """Draw the world now; return False after the user has closed the view."""
+
+    def close(self) -> None:
+        """Remove the picture."""
+
+
+class PacedView:
+    """Draws into a view a few times a second, however often the program asks.
+
+    Args:
+        view: where to draw; None draws nowhere.
+    """
+
+    def __init__(self, view: View | None) -> None:
+        self._view = view
+        self._next = 0.0
+
+    def draw(self, world: World, background: Color) -> bool:
+        """Draw if it is time; return False after the user has closed the view."""
+        if self._view is None or (now := time.monotonic()) < self._next:
+            return True
+        self._next = now + _INTERVAL
+        return self._view.show(world, background)
+
+
+@contextmanager
+def opened(name: str) -> Iterator[PacedView]:
+    """Open the view of this name; `auto` takes the first that works.
+
+    Raises TaskRpcError if a named view does not work here.
+    """
+    view = _view(name)
+    if view is None and name == "auto":
+        print(_HOW, file=sys.stderr)
+    try:
+        yield PacedView(view)
+    finally:
+        if view is not None:
+            view.close()
+
+
+_HOW = (
+    "There is no display and no terminal to draw the turtles in. To see where one is:"
+    " taskrpc topic echo /turtle1/pose"
+)
+
+
+def _view(name: str) -> View | None:
+    if name == "none":
+        return None
+    if name != "terminal":
+        problem = _no_window()
+        if not problem:
+            from taskrpc.turtlesim.window import Window  # tkinter may be missing
+
+            return Window()
+        if name == "window":
+            raise TaskRpcError(f"cannot open a window: {problem}; try --view terminal")
+    if sys.stdout.isatty():
+        from taskrpc.turtlesim.terminal import Terminal
+
+        return Terminal(sys.stdout)
+    if name == "terminal":
+        raise TaskRpcError("cannot draw: expected a terminal as the output, got a file or a pipe")
+    return None
+
+
+def _no_window() -> str:
+    """Why no window can be opened; "" if it can."""
+    needs_display = sys.platform not in {"win32", "darwin"}
+    if needs_display and not os.environ.get("DISPLAY"):
+        return "expected a display, but the variable DISPLAY is not set"
+    try:
+        import tkinter
+    except ImportError:
+        return "this Python has no tkinter; on Debian, install it with apt-get install python3-tk"
+    try:
+        tkinter.Tk().destroy()
+    except tkinter.TclError as error:
+        return str(error)
+    return ""
