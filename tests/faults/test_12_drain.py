@@ -124,14 +124,17 @@ class Relay:
         self.in_flight = 0
         self.over = asyncio.Event()
 
-    async def start(self, *options, says="taskrpc-server"):
+    async def start(self, *options):
         """A server; its queue is paused and stays paused."""
         limit = ["--queue-limit", "1000000"]
         options = ["--db", str(self.db), *limit, "--log-level", "error", *options]
-        return await self.programs.start(TASK_SERVER, *options, ready=says, name="server.py")
+        return await self.programs.start(
+            TASK_SERVER, *options, ready="taskrpc-server", name="server.py"
+        )
 
     async def stand_by(self):
-        return await self.start("--standby", says="taskrpc-server: standing by")
+        """A server that waits for the file, or takes it at once if no other server has it."""
+        return await self.start("--standby")
 
     async def run(self, rounds):
         running = await self.start()
