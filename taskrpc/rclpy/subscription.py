@@ -154,6 +154,10 @@ class Subscription(Entity, Generic[MsgT]):
         """Whether a message waits to be taken."""
         return bool(self._messages)
 
+    def oldest_message(self) -> Any:
+        """The oldest message that waits to be taken; IndexError when none waits."""
+        return self._messages[0][0]
+
     def take_work(self) -> Callable[[], Any] | None:
         """Take the oldest message and return the call of the callback."""
         self.handle.check()

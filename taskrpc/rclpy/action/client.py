@@ -162,6 +162,9 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         self._goal_handles: dict[bytes, weakref.ref[ClientGoalHandle[Any, Any, Any]]] = {}
         """The accepted goals that have not ended, by id."""
         self._feedback_callbacks: dict[bytes, Callable[[Any], Any]] = {}
+        self._unanswered: set[bytes] = set()
+        """The goals without a response of the server. Their feedback waits: over another connection
+        it may arrive before the response, and in ROS it comes after."""
         names = action_names(action_name)
         self._messages = messages = ActionMessages(action_type)
 
@@ -200,8 +203,11 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         another type.
         """
         request = self._request(goal, feedback_callback, goal_uuid)
-        handle = self._goal_answered(request.goal_id, self._send.call(request))
-        return self._get_result(handle)
+        try:
+            response = self._send.call(request)
+        finally:
+            self._end_wait(request)
+        return self._get_result(self._goal_answered(request.goal_id, response))
 
     def send_goal_async(
         self,
@@ -216,10 +222,15 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         another type.
         """
         request = self._request(goal, feedback_callback, goal_uuid)
-        answer = self._send.call_async(request)
+        try:
+            answer = self._send.call_async(request)
+        except BaseException:
+            self._end_wait(request)
+            raise
         future: Future[ClientGoalHandle[GoalT, ResultT, FeedbackT]] = Future()
 
         def answered() -> None:
+            self._end_wait(request)
             if (executor := self._node.executor) is not None:
                 set_executor(future, executor)
             if (error := answer.exception()) is not None:
@@ -246,9 +257,16 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         request = self._messages.send_goal.Request()
         request.goal_id = self._messages.goal_id(_random_id()) if goal_uuid is None else goal_uuid
         request.goal = goal
+        key = bytes_of(request.goal_id)
         if feedback_callback is not None:
-            self._feedback_callbacks[bytes_of(request.goal_id)] = feedback_callback
+            self._feedback_callbacks[key] = feedback_callback
+        self._unanswered.add(key)
         return request
+
+    def _end_wait(self, request: Any) -> None:
+        """Let the feedback of a goal be handled: its request has ended."""
+        self._unanswered.discard(bytes_of(request.goal_id))
+        self.notify_executor()
 
     def _goal_answered(
         self, goal_id: Any, response: Any
@@ -353,7 +371,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
 
     def has_work(self) -> bool:
         """Whether a response, feedback or a status waits to be taken."""
-        return any(part.has_work() for part in self._parts)
+        return any(part.has_work() for part in self._parts if self._may_take(part))
 
     def is_ready(self, wait_set: Any) -> bool:
         """Whether a response, feedback or a status waits to be taken."""
@@ -362,7 +380,8 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     def take_data(self) -> list[Callable[[], Any]]:
         """Take one message of each kind; returns the functions that handle them."""
         self._handle.check()
-        taken = [part.take_work() for part in self._parts if part.has_work()]
+        parts = [part for part in self._parts if part.has_work() and self._may_take(part)]
+        taken = [part.take_work() for part in parts]
         return [handle for handle in taken if handle is not None]
 
     async def execute(self, taken_data: list[Callable[[], Any]]) -> None:
@@ -375,6 +394,16 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     def get_num_entities(self) -> NumberOfEntities:
         """How many clients and subscriptions it consists of."""
         return NumberOfEntities(num_subscriptions=2, num_clients=3)
+
+    def _may_take(self, part: Client[Any, Any] | Subscription[Any]) -> bool:
+        """Whether the oldest message of a part may be taken: feedback waits for the response."""
+        if part is not self._feedback or not self._unanswered:
+            return True
+        try:
+            oldest = self._feedback.oldest_message()
+        except IndexError:  # another thread took it
+            return True
+        return bytes_of(oldest.goal_id) not in self._unanswered
 
     def _on_feedback(self, message: Any) -> Any:
         callback = self._feedback_callbacks.get(bytes_of(message.goal_id))

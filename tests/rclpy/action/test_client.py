@@ -8,11 +8,11 @@ import taskrpc
 import taskrpc.sync
 from taskrpc.errors import WouldDeadlock
 from taskrpc.rclpy import action as action_module
-from taskrpc.rclpy.action import ActionClient
+from taskrpc.rclpy.action import ActionClient, GoalResponse
 from taskrpc.rclpy.action.client import ClientGoalHandle
 from taskrpc.rclpy.exceptions import InvalidHandle, InvalidTopicNameException
 from tests.rclpy.action.actions import UUID, Fibonacci, GoalStatus, action, ended, order, result
-from tests.rclpy.living import living
+from tests.rclpy.living import living, until
 
 pytestmark = pytest.mark.real_time
 
@@ -80,6 +80,26 @@ def test_a_client_of_the_native_api_uses_a_server_of_ros():
         pair.world.spin_until(lambda: len(sent) == 2)
         thread.join(10)
         assert sent == [[[0], [1], [2]], [3]]
+
+
+def test_feedback_that_arrives_before_the_response_comes_after_it():
+    """The callback of the response stores the handle that the callback of feedback uses."""
+    events = []
+
+    def accept(goal):
+        message = Fibonacci.Impl.FeedbackMessage(goal_id=UUID(uuid=[7] * 16))
+        pair.server._parts._feedback.publish(message)
+        until(pair.client._feedback.has_work)
+        return GoalResponse.ACCEPT
+
+    with action(handle_accepted_callback=lambda _: None) as pair:
+        pair.server.register_goal_callback(accept)
+        future = pair.client.send_goal_async(
+            order(1), lambda _: events.append("feedback"), UUID(uuid=[7] * 16)
+        )
+        future.add_done_callback(lambda _: events.append("response"))
+        pair.world.spin_until(lambda: len(events) == 2)
+    assert events == ["response", "feedback"]
 
 
 def test_feedback_callbacks_may_be_coroutines():
