@@ -4,6 +4,16 @@ Importing it registers the types, so that `Buffer.transform` takes them. The fun
 module of the same name. The conversions to PyKDL are not here.
 """
 
+# Programs take these messages from here, too: ROS's module passes them on.
+from geometry_msgs.msg import (
+    PointStamped,
+    Pose,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+    Vector3Stamped,
+)
+
 from .tf2_geometry_msgs import (
     do_transform_point,
     do_transform_pose,
@@ -18,6 +28,12 @@ from .tf2_geometry_msgs import (
 )
 
 __all__ = [
+    "PointStamped",
+    "Pose",
+    "PoseStamped",
+    "PoseWithCovarianceStamped",
+    "TransformStamped",
+    "Vector3Stamped",
     "do_transform_point",
     "do_transform_pose",
     "do_transform_pose_stamped",

@@ -5,6 +5,20 @@ Start with `buffer`; the tree of frames behind it is in `tf2_py`. The programs o
 There is no BufferServer, since ROS has it only for C++.
 """
 
+# Programs import the names of other packages from here, too: ROS's modules pass them all on.
+from geometry_msgs.msg import (
+    PointStamped,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TransformStamped,
+    Vector3Stamped,
+)
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
+from rclpy.time import Time
+from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 from tf2_py import (
     BufferCore,
     ConnectivityException,
@@ -38,18 +52,31 @@ __all__ = [
     "BufferInterface",
     "ConnectivityException",
     "ConvertRegistration",
+    "DurabilityPolicy",
+    "Duration",
     "ExtrapolationException",
+    "Header",
+    "HistoryPolicy",
     "InvalidArgumentException",
     "LookupException",
+    "Node",
     "NotImplementedException",
+    "PointStamped",
+    "PoseStamped",
+    "PoseWithCovarianceStamped",
+    "QoSProfile",
     "Stamped",
     "StaticTransformBroadcaster",
     "StaticTransformListener",
+    "TFMessage",
+    "Time",
     "TimeoutException",
     "TransformBroadcaster",
     "TransformException",
     "TransformListener",
     "TransformRegistration",
+    "TransformStamped",
     "TypeException",
+    "Vector3Stamped",
     "convert",
 ]

@@ -7,6 +7,7 @@ import time as system_time
 from collections.abc import Callable
 from typing import Any
 
+from geometry_msgs.msg import TransformStamped
 from rclpy.clock import Clock, JumpThreshold
 from rclpy.duration import Duration
 from rclpy.logging import get_logger
@@ -82,7 +83,7 @@ class Buffer(BufferCore, BufferInterface):
         source_frame: str,
         time: Time,
         timeout: Duration = Duration(),  # noqa: B008 - ROS's default; durations never change
-    ) -> Any:
+    ) -> TransformStamped:
         """The transform that takes coordinates in the source frame to the target frame.
 
         Args:
@@ -176,6 +177,9 @@ class Buffer(BufferCore, BufferInterface):
 
         The time is the system's, as in ROS: a paused simulation does not stop it.
         """
+        if not hasattr(timeout, "nanoseconds"):
+            kind = type(timeout).__qualname__
+            raise TypeError(f"expected rclpy.duration.Duration as timeout, got {kind} {timeout!r}")
         end = system_time.monotonic() + timeout.nanoseconds / 1e9
         with self._news:
             while not (found := look())[0]:

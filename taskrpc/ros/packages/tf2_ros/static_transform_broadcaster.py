@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import deepcopy
 from typing import Any
 
+from geometry_msgs.msg import TransformStamped
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 from tf2_msgs.msg import TFMessage
 
@@ -12,8 +14,8 @@ from tf2_msgs.msg import TFMessage
 class StaticTransformBroadcaster:
     """Publishes transforms on `/tf_static`, where later subscribers get the last message too.
 
-    As in ROS for Python, one message replaces the message before it: send all transforms of a
-    program in one call.
+    Each message repeats the transforms that the broadcaster has sent before, so later subscribers
+    get all of them. A new transform replaces the one of the same child frame.
 
     Args:
         node: the node that publishes.
@@ -28,8 +30,11 @@ class StaticTransformBroadcaster:
                 history=HistoryPolicy.KEEP_LAST,
             )
         self.pub_tf = node.create_publisher(TFMessage, "/tf_static", qos)
+        self._sent: dict[str, TransformStamped] = {}
+        """The last transform of each child frame."""
 
-    def sendTransform(self, transform: Any) -> None:
+    def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """Send a TransformStamped, or several."""
-        transforms = list(transform) if isinstance(transform, Iterable) else [transform]
-        self.pub_tf.publish(TFMessage(transforms=transforms))
+        transforms = transform if isinstance(transform, Iterable) else [transform]
+        self._sent |= {each.child_frame_id: deepcopy(each) for each in transforms}
+        self.pub_tf.publish(TFMessage(transforms=list(self._sent.values())))

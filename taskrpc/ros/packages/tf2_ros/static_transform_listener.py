@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from .buffer import Buffer
 from .transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
 
 __all__ = ["DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC", "StaticTransformListener"]
@@ -14,7 +15,7 @@ class StaticTransformListener(TransformListener):
 
     def __init__(
         self,
-        buffer: Any,
+        buffer: Buffer,
         node: Any,
         *,
         spin_thread: bool = False,

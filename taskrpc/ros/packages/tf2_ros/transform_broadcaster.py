@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+from geometry_msgs.msg import TransformStamped
 from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
 
@@ -20,7 +21,7 @@ class TransformBroadcaster:
     def __init__(self, node: Any, qos: Any = QoSProfile(depth=100)) -> None:  # noqa: B008
         self.pub_tf = node.create_publisher(TFMessage, "/tf", qos)
 
-    def sendTransform(self, transform: Any) -> None:
+    def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:
         """Send a TransformStamped, or several."""
         transforms = list(transform) if isinstance(transform, Iterable) else [transform]
         self.pub_tf.publish(TFMessage(transforms=transforms))

@@ -12,6 +12,8 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 from tf2_msgs.msg import TFMessage
 
+from .buffer import Buffer
+
 DEFAULT_TF_TOPIC = "/tf"
 DEFAULT_STATIC_TF_TOPIC = "/tf_static"
 
@@ -35,7 +37,7 @@ class TransformListener:
 
     def __init__(
         self,
-        buffer: Any,
+        buffer: Buffer,
         node: Any,
         *,
         spin_thread: bool = False,

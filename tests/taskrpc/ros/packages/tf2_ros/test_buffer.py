@@ -57,6 +57,8 @@ def test_lookup_without_a_timeout_fails_at_once(ros):
     found, why_not = buffer.can_transform("a", "b", ros.Time(), return_debug_tuple=True)
     assert found is False
     assert why_not.endswith("frame does not exist")
+    with pytest.raises(TypeError, match=r"expected rclpy.duration.Duration as timeout, got float"):
+        buffer.lookup_transform("foo", "bar", ros.Time(), 1.0)
 
 
 @pytest.mark.real_time

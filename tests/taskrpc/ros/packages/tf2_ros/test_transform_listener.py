@@ -57,10 +57,28 @@ def test_broadcasters_send_one_transform_or_several(ros, node, link, name, topic
     (publisher,) = node.made
     assert described(publisher, ros) == (topic, depth, durable, True)
     one, two = link("a", "b"), link("a", "c")
-    for given in (one, [one, two], (one, two)):
+    for given in (one, [one, two], (one, two), iter([one, two])):
         broadcaster.sendTransform(given)
-    assert [len(message.transforms) for message in publisher.sent] == [1, 2, 2]
+    assert [len(message.transforms) for message in publisher.sent] == [1, 2, 2, 2]
     assert publisher.sent[1].transforms[1] == two
+
+
+def test_static_broadcaster_repeats_what_it_has_sent(ros, node, link):
+    broadcaster = ros.tf2_ros.StaticTransformBroadcaster(node)
+    for sent in (link("a", "b", x=1.0), link("a", "c"), link("a", "b", x=2.0)):
+        broadcaster.sendTransform(sent)
+    messages = [
+        [(each.child_frame_id, each.transform.translation.x) for each in message.transforms]
+        for message in node.made[0].sent
+    ]
+    assert messages == [[("b", 1.0)], [("b", 1.0), ("c", 0.0)], [("b", 2.0), ("c", 0.0)]]
+
+
+def test_names_of_other_packages_can_be_imported_from_tf2(ros):
+    for package in (ros.tf2_ros, ros.module("tf2_geometry_msgs")):
+        for name in ("PointStamped", "PoseStamped", "TransformStamped", "Vector3Stamped"):
+            assert getattr(package, name) is getattr(ros.geometry, name)
+    assert (ros.tf2_ros.Duration, ros.tf2_ros.Time) == (ros.Duration, ros.Time)
 
 
 def test_modules_have_the_names_of_ros(ros):
