@@ -48,9 +48,8 @@ _PYTHON = {
 """Python packages of ROS 2, each with the advice for its users."""
 
 _INTERFACES = frozenset(
-    "actuator_msgs control_msgs custom_interfaces gazebo_msgs graph_msgs"
-    " irobot_create_msgs logging_demo pendulum_msgs ros_gz_interfaces rosbag2_interfaces"
-    " velodyne_msgs".split()
+    "actuator_msgs custom_interfaces graph_msgs irobot_create_msgs logging_demo"
+    " pendulum_msgs rosbag2_interfaces velodyne_msgs".split()
 )
 _LIKE_INTERFACES = re.compile(r"\w+_(interfaces?|msgs?|srvs?)")
 
