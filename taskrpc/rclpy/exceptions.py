@@ -23,7 +23,7 @@ class RCLError(RuntimeError):
     """An operation that ROS refuses."""
 
 
-class InvalidHandle(Exception):
+class InvalidHandle(RuntimeError):
     """A node, client, timer or other entity is used after it was destroyed."""
 
 

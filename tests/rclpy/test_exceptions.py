@@ -33,3 +33,7 @@ def test_message_of_a_parameter_error_ends_with_the_name(error, message):
 def test_exceptions_of_ros_are_shown_with_the_module_name_of_ros():
     assert exceptions.RCLError.__module__ == "rclpy._rclpy_pybind11"
     assert not issubclass(exceptions.InvalidHandle, exceptions.RCLError)
+
+
+def test_a_program_may_catch_an_invalid_handle_as_runtime_error():
+    assert issubclass(exceptions.InvalidHandle, RuntimeError)
