@@ -138,7 +138,8 @@ class Clock:
         """Create a clock of the class for its kind; raises TypeError for another type."""
         if not isinstance(clock_type, ClockType):
             raise TypeError("Clock type must be a ClockType enum")
-        self = super().__new__(ROSClock if clock_type is ClockType.ROS_TIME else cls)
+        is_ros = clock_type is ClockType.ROS_TIME and cls is Clock
+        self = super().__new__(ROSClock if is_ros else cls)
         self._clock_type = clock_type
         self._handle = Handle(self)
         self._jump_handles = []

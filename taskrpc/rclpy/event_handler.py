@@ -288,7 +288,8 @@ class Events:
         """Destroy the handlers of `event_callbacks`."""
         for handler in self._own:
             handler.destroy()
-            self._node.remove_waitable(handler)
+            if not isinstance(handler, _Logging):
+                self._node.remove_waitable(handler)
 
 
 def _made(

@@ -166,3 +166,10 @@ class ROSInterruptException(Exception):
 
     def __init__(self, *args: Any) -> None:
         super().__init__("rclpy.shutdown() has been called", *args)
+
+
+class TimeSourceChangedError(Exception):
+    """Simulated time was switched on or off while a coroutine slept on the clock."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args or ("simulated time was switched on or off during the sleep",))

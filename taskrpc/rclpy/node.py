@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Awaitable, Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv
 
@@ -19,7 +19,7 @@ from ._impl.execution.entity import callback_name, current_callback
 from ._impl.graph.node_graph import GraphMethods
 from ._impl.log.rosout import Rosout
 from ._impl.node_entities import NodeEntities
-from ._impl.node_interface import NodeHandle
+from ._impl.node_interface import NodeHandle, NodeInterface
 from ._impl.parameters.node_methods import ParameterMethods
 from ._impl.parameters.node_parameters import NodeParameters
 from ._impl.reexports import names_of
@@ -69,11 +69,8 @@ class _Unset:
         )
 
 
-class Node(ParameterMethods, GraphMethods):
-    """A participant: has services, clients, publishers, subscriptions, timers and parameters.
-
-    Its callbacks run while a thread spins it. It exists until `destroy_node`, or until the shutdown
-    of its context.
+class BaseNode(ParameterMethods, GraphMethods):
+    """The name, the parameters and the services of a node; `Node` and `AsyncNode` run callbacks.
 
     Arguments:
         node_name, namespace: follow the rules of ROS; `__node` and `__ns` on the command line
@@ -105,17 +102,17 @@ class Node(ParameterMethods, GraphMethods):
         automatically_declare_parameters_from_overrides: bool = False,
         enable_logger_service: bool = False,
     ) -> None:
-        self._rclpy_entities = NodeEntities(self)
-        self._default_callback_group = MutuallyExclusiveCallbackGroup()
+        node = cast("NodeInterface", self)  # a subclass has the other methods
+        self._rclpy_begin()
+        self._rclpy_entities = self._rclpy_entities_class(node)
         self._context = get_default_context() if context is None else context
-        self._rclpy_executor = None
         if not self._context.ok():
             raise NotInitializedException("cannot create node")
         given = [parse(cli_args)] if cli_args is not None else []
         if use_global_arguments:
             given.append(self._context.arguments)
         handle = self._rclpy_handle = self._rclpy_join(node_name, namespace or "", given)
-        self._clock = ROSClock()
+        self._clock = self._rclpy_create_clock()
         self._logger = get_logger(handle.full_name.strip("/").replace("/", "."))
         self._rclpy_rosout: Rosout | None = None
         if enable_rosout and self._context.arguments.rosout_logs is not False:
@@ -123,19 +120,31 @@ class Node(ParameterMethods, GraphMethods):
         self._context.track_node(self)
         # The arguments of the program come first, so that those of the node replace them.
         parameters = NodeParameters(
-            self, given[::-1], parameter_overrides, allow_undeclared_parameters
+            node, given[::-1], parameter_overrides, allow_undeclared_parameters
         )
         self._rclpy_keep(parameters)
         if automatically_declare_parameters_from_overrides:
             parameters.declare_overrides()
-        self._time_source = TimeSource(node=self)
+        self._time_source = TimeSource(node=node)
         self._time_source.attach_clock(self._clock)
         if start_parameter_services:
-            self._parameter_service = ParameterService(self)
-        self._type_description_service = TypeDescriptionService(self)
+            self._parameter_service = ParameterService(node)
+        self._type_description_service = TypeDescriptionService(node)
         if enable_logger_service:
-            self._logging_service = LoggingService(self)
-        watchdog.watch(self)
+            self._logging_service = LoggingService(node)
+        self._rclpy_begun()
+
+    def _rclpy_begin(self) -> None:
+        """Set what the entities of a subclass need, before the first of them."""
+
+    def _rclpy_begun(self) -> None:
+        """Continue the creation of a subclass, after the entities of every node."""
+
+    _rclpy_entities_class: ClassVar[type[NodeEntities]] = NodeEntities
+    """Creates and keeps the entities."""
+
+    def _rclpy_create_clock(self) -> ROSClock:
+        return ROSClock()
 
     def _rclpy_join(self, node_name: str, namespace: str, given: list[Arguments]) -> NodeHandle:
         """Join the network under the name and the namespace after remapping."""
@@ -150,10 +159,8 @@ class Node(ParameterMethods, GraphMethods):
 
     # A program that uses the node before `super().__init__` reads one of these.
     _rclpy_handle: NodeHandle = _Unset()  # type: ignore[assignment]
-    _rclpy_executor: Any = _Unset()
     _rclpy_entities: NodeEntities = _Unset()  # type: ignore[assignment]
     _rclpy_parameters: NodeParameters = _Unset()  # type: ignore[assignment]
-    _default_callback_group: CallbackGroup = _Unset()  # type: ignore[assignment]
     _parameters: dict[str, Parameter] = _Unset()  # type: ignore[assignment]
     _parameter_overrides: dict[str, Parameter] = _Unset()  # type: ignore[assignment]
     _logger: RcutilsLogger = _Unset()  # type: ignore[assignment]
@@ -170,29 +177,6 @@ class Node(ParameterMethods, GraphMethods):
     def handle(self) -> NodeHandle:
         """Its handle, which becomes invalid when the node is destroyed."""
         return self._rclpy_handle
-
-    @property
-    def executor(self) -> Executor | None:
-        """The executor that runs its callbacks; None while it has none."""
-        return None if self._rclpy_executor is None else self._rclpy_executor()
-
-    @executor.setter
-    def executor(self, new_executor: Executor | None) -> None:
-        """Move the node to another executor; None removes it from its executor."""
-        current = self.executor
-        if current is new_executor:
-            return
-        if current is not None:
-            current.remove_node(self)
-            callback = current_callback()
-            if callback is not None and callback.executor is current:
-                self._rclpy_handle.taken_by = callback_name(callback)
-        if new_executor is None:
-            self._rclpy_executor = None
-        else:
-            new_executor.add_node(self)
-            self._rclpy_executor = weakref.ref(new_executor)
-            self._rclpy_handle.was_spun = True
 
     def get_name(self) -> str:
         """Its name, without the namespace."""
@@ -229,20 +213,73 @@ class Node(ParameterMethods, GraphMethods):
         """Destroy its entities and leave the network; a second call does nothing."""
         if not self._rclpy_handle.valid:
             return
-        watchdog.ends(self)
         self._context.untrack_node(self)
         self._rclpy_entities.destroy_all()
         if self._rclpy_rosout is not None:
             self._rclpy_rosout.destroy()
         self._rclpy_handle.destroy_when_not_in_use()
+        self._rclpy_leave()
+
+    def _rclpy_leave(self) -> None:
+        """Leave the network."""
+        self._rclpy_handle.bridge.close()
+
+
+class Node(BaseNode):
+    """A participant: has services, clients, publishers, subscriptions, timers and parameters.
+
+    Its callbacks run while a thread spins it. It exists until `destroy_node`, or until the shutdown
+    of its context. The arguments are those of BaseNode.
+    """
+
+    def _rclpy_begin(self) -> None:
+        self._default_callback_group = MutuallyExclusiveCallbackGroup()
+        self._rclpy_executor = None
+
+    def _rclpy_begun(self) -> None:
+        watchdog.watch(self)
+
+    _rclpy_executor: Any = _Unset()
+    _default_callback_group: CallbackGroup = _Unset()  # type: ignore[assignment]
+
+    @property
+    def executor(self) -> Executor | None:
+        """The executor that runs its callbacks; None while it has none."""
+        return None if self._rclpy_executor is None else self._rclpy_executor()
+
+    @executor.setter
+    def executor(self, new_executor: Executor | None) -> None:
+        """Move the node to another executor; None removes it from its executor."""
+        current = self.executor
+        if current is new_executor:
+            return
+        if current is not None:
+            current.remove_node(self)
+            callback = current_callback()
+            if callback is not None and callback.executor is current:
+                self._rclpy_handle.taken_by = callback_name(callback)
+        if new_executor is None:
+            self._rclpy_executor = None
+        else:
+            new_executor.add_node(self)
+            self._rclpy_executor = weakref.ref(new_executor)
+            self._rclpy_handle.was_spun = True
+
+    def destroy_node(self) -> None:
+        """Destroy its entities and leave the network; a second call does nothing."""
+        if self._rclpy_handle.valid:
+            watchdog.ends(self)
+            super().destroy_node()
+            self._wake_executor()
+
+    def _rclpy_leave(self) -> None:
         callback = current_callback()
         answering = None if callback is None else callback.entity
         if isinstance(answering, Service) and answering.parent_node is self:
             # The response of this callback must still be sent.
             answering.when_answered(self._rclpy_handle.bridge.close)
         else:
-            self._rclpy_handle.bridge.close()
-        self._wake_executor()
+            super()._rclpy_leave()
 
     def __enter__(self) -> Self:
         return self

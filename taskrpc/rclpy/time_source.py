@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import weakref
 from typing import Any
 
@@ -24,6 +25,8 @@ class TimeSource:
 
     def __init__(self, *, node: NodeInterface | None = None) -> None:
         self._clock_sub: Any = None
+        self._subscribed = contextlib.ExitStack()
+        """Destroys the subscription of `/clock`."""
         self._node_ref: weakref.ReferenceType[NodeInterface] | None = None
         self._associated_clocks: set[ROSClock] = set()
         self._last_time_set = Time(clock_type=ClockType.ROS_TIME)
@@ -99,11 +102,10 @@ class TimeSource:
                 self.clock_callback,
                 QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
             )
+            self._subscribed.enter_context(self._clock_sub)
 
     def _unsubscribe(self) -> None:
-        node = self._get_node()
-        if self._clock_sub is not None and node is not None:
-            node.destroy_subscription(self._clock_sub)
+        self._subscribed.close()
         self._clock_sub = None
 
     def _on_parameter_event(self, parameter_list: list[Any]) -> Any:

@@ -164,20 +164,21 @@ class Timer(Entity):
         self._last_ns = now
         self._next_ns = _following(expected, self._period_ns, now)
         callback = self.callback
-        if callback is None or (name := self._wants_info(callback)) is None:
+        if callback is None or (passed := self._with_info(callback)) is None:
             return callback
         info = TimerInfo(
             expected_call_time=expected,
             actual_call_time=now,
             clock_type=self._clock.clock_type,
         )
-        return lambda: callback(**{name: info})
+        return lambda: passed(info)
 
-    def _wants_info(self, callback: Callable[..., Any]) -> str | None:
-        """The callback's parameter that is annotated TimerInfo, if it has one."""
+    def _with_info(self, callback: Callable[..., Any]) -> Callable[[TimerInfo], Any] | None:
+        """The call of a callback with a parameter that is annotated TimerInfo; None without one."""
         if callback is not self._inspected_callback:
             self._inspected_callback, self._info_name = callback, _info_parameter(callback)
-        return self._info_name
+        name = self._info_name
+        return None if name is None else lambda info: callback(**{name: info})
 
     def before_jump(self, jump: TimeJump) -> None:
         """Keep the time that is left when the source of the time is about to change."""

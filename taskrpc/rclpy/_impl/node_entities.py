@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from taskrpc.errors import NameInUse
 from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv
@@ -32,6 +32,11 @@ class NodeEntities:
 
     `Node` has the default arguments; here every argument is required.
     """
+
+    subscription_class: ClassVar[type[Subscription[Any]]] = Subscription
+    client_class: ClassVar[type[Client[Any, Any]]] = Client
+    service_class: ClassVar[type[Service[Any, Any]]] = Service
+    timer_class: ClassVar[type[Timer]] = Timer
 
     def __init__(self, node: NodeInterface) -> None:
         self._node = node
@@ -89,7 +94,9 @@ class NodeEntities:
         events = Events(node, group, event_callbacks or SubscriptionEventCallbacks(), topic)
         subscription: Subscription[MsgT]
         with events.kept():
-            subscription = Subscription(node, msg_type, name, callback, group, qos, raw, events)
+            subscription = self.subscription_class(
+                node, msg_type, name, callback, group, qos, raw, events
+            )
         subscription.topic = topic
         return self._added(self.subscriptions, subscription, group)
 
@@ -106,7 +113,7 @@ class NodeEntities:
         qos_profile.get_c_qos_profile()  # raises AttributeError for a number, as ROS does
         group = self._group(callback_group)
         client: Client[RequestT, ResponseT]
-        client = Client(self._node, srv_type, name, qos_profile, group)
+        client = self.client_class(self._node, srv_type, name, qos_profile, group)
         client.srv_name = srv_name
         check_service_profiles(client, is_server=False)
         return self._added(self.clients, client, group)
@@ -126,7 +133,7 @@ class NodeEntities:
         group = self._group(callback_group)
         service: Service[RequestT, ResponseT]
         try:
-            service = Service(self._node, srv_type, name, callback, group, qos_profile)
+            service = self.service_class(self._node, srv_type, name, callback, group, qos_profile)
         except NameInUse as error:
             # A user who started a program twice needs only this error. `from None` leaves out the
             # traceback inside taskrpc. rclpy cannot join a service, so the advice to join is cut.
@@ -145,7 +152,7 @@ class NodeEntities:
     ) -> Timer:
         """As `Node.create_timer`."""
         group = self._group(callback_group)
-        timer = Timer(
+        timer = self.timer_class(
             callback,
             group,
             int(float(timer_period_sec) * S_TO_NS),
@@ -210,7 +217,22 @@ class NodeEntities:
             self._node.destroy_rate(rate)
         for waitable in list(self.waitables):
             waitable.node_destroyed()
-        kinds: list[list[Any]] = [
+        for entities in self._kinds():
+            while entities:
+                entities.pop().destroy()
+
+    def all(self) -> list[Any]:
+        """All entities except waitables."""
+        return [entity for entities in self._kinds() for entity in entities]
+
+    def forget(self, entity: Any) -> None:
+        """Remove an entity that was destroyed."""
+        for entities in self._kinds():
+            if entity in entities:
+                entities.remove(entity)
+
+    def _kinds(self) -> list[list[Any]]:
+        return [
             self.publishers,
             self.subscriptions,
             self.clients,
@@ -218,9 +240,6 @@ class NodeEntities:
             self.timers,
             self.guards,
         ]
-        for entities in kinds:
-            while entities:
-                entities.pop().destroy()
 
     def _override_qos(self, kind: type[Any], name: str, qos: QoSProfile, options: Any) -> None:
         if options is not None:

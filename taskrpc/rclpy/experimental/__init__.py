@@ -1,9 +1,25 @@
-"""The events executor, which rclpy calls experimental.
+"""What rclpy calls experimental: AsyncNode, the node of asyncio, and the events executor.
 
-`events_executor` has the class; start with `rclpy.executors`, which has its base class. Only names
-of ROS's package belong here.
+Start with `async_node`; the other `async_` modules have the parts of such a node. Only names of
+ROS's package belong here.
 """
 
+from .async_client import AsyncClient
+from .async_clock import AsyncClock
+from .async_node import AsyncNode
+from .async_publisher import AsyncPublisher
+from .async_service import AsyncService
+from .async_subscription import AsyncSubscription
+from .async_timer import AsyncTimer
 from .events_executor import EventsExecutor
 
-__all__ = ["EventsExecutor"]
+__all__ = [
+    "AsyncClient",
+    "AsyncClock",
+    "AsyncNode",
+    "AsyncPublisher",
+    "AsyncService",
+    "AsyncSubscription",
+    "AsyncTimer",
+    "EventsExecutor",
+]
