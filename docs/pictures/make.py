@@ -1,4 +1,5 @@
-"""Makes the screenshots of the documentation from a real run of the task server.
+"""Makes the pictures of the documentation: screenshots from a real run of the task server, and
+turtlesim's window.
 
 `make pictures` runs it; it needs the extra `browser` and what `make browser` needs. It takes about
 a minute.
@@ -7,10 +8,12 @@ a minute.
 from __future__ import annotations
 
 import os
+import struct
 import sys
 import tempfile
 import threading
 import time
+import zlib
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -18,6 +21,9 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import taskrpc
 from taskrpc.cli.shared.page_link import noted_links
+from taskrpc.turtlesim.canvas import SIZE
+from taskrpc.turtlesim.raster import picture
+from taskrpc.turtlesim.world import CENTRE, STEP, World
 from tests.browser.chromium import LAPTOP, PHONE, Tab, Tabs, chromium
 from tests.browser.task_server import Services, TaskServer
 
@@ -31,6 +37,7 @@ FAULTS = ("--fault", "delay-response:1ms,first=7", "--fault", "lose-response:fir
 
 def main() -> int:
     """Write the pictures; returns the exit code."""
+    (FOLDER / "turtlesim.png").write_bytes(_turtlesim())
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         (folder / "runtime").mkdir(mode=0o700)
@@ -118,6 +125,26 @@ def _until_ended(services: Services, task_id: int) -> None:
 def _until_begun(services: Services) -> None:
     while not any(task.state == "RUNNING" for task in services.call("/list").tasks):
         time.sleep(0.1)
+
+
+def _turtlesim() -> bytes:
+    """The window of turtlesim after the tutorial's commands, as a PNG file."""
+    world = World()
+    first = world.spawn("turtle1", CENTRE, CENTRE, 0.0)
+    second = world.spawn("turtle2", 2.0, 2.0, 0.2)
+    second.set_pen((255, 196, 61), 5, off=False)
+    for number in range(300):
+        first.command(2.0, 0.0, 1.8, number * STEP)
+        second.command(1.6, 0.0, 0.06, number * STEP)
+        world.step(number * STEP)
+    rows = [b"\0" + b"".join(map(bytes, row)) for row in picture(world, (69, 86, 255), SIZE, SIZE)]
+    header = struct.pack(">IIBBBBB", SIZE, SIZE, 8, 2, 0, 0, 0)
+    parts = ((b"IHDR", header), (b"IDAT", zlib.compress(b"".join(rows), 9)), (b"IEND", b""))
+    return b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(kind, data) for kind, data in parts)
+
+
+def _chunk(kind: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
 if __name__ == "__main__":

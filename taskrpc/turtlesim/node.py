@@ -244,16 +244,17 @@ def main(args: Sequence[str] | None = None) -> int:
     options = _options(remove_ros_args(arguments)[1:])
     try:
         with rclpy.init(args=arguments):
-            _show(Turtlesim(), options.view)
+            _show(options.view)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     return 0
 
 
-def _show(node: Turtlesim, name: str) -> None:
+def _show(name: str) -> None:
     executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    with views.opened(name) as view:
+    with views.opened(name) as view:  # first, so that the node's log lines are below the picture
+        node = Turtlesim()
+        executor.add_node(node)
         while view.draw(node.world, node.background):
             executor.spin_once(timeout_sec=STEP)
 

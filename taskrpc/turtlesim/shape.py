@@ -44,9 +44,9 @@ _PARTS: list[tuple[list[Point], Color, Color]] = [
         for x, angle in ((0.22, 0.9), (-0.22, 2.25))
         for side in (1, -1)
     ],
-    (_ellipse(0.43, 0.0, 0.15, 0.125), _SKIN, _EDGE),
-    (_ellipse(0.50, 0.065, 0.028, 0.028, 8), _EYE, _EYE),
-    (_ellipse(0.50, -0.065, 0.028, 0.028, 8), _EYE, _EYE),
+    (_ellipse(0.44, 0.0, 0.17, 0.14), _SKIN, _EDGE),
+    (_ellipse(0.52, 0.07, 0.03, 0.03, 8), _EYE, _EYE),
+    (_ellipse(0.52, -0.07, 0.03, 0.03, 8), _EYE, _EYE),
     (_ellipse(0.0, 0.0, 0.36, 0.31, 28), _SHELL, _EDGE),
     (_ellipse(0.0, 0.0, 0.13, 0.13, 6), _PLATE, _SHELL),
     *[

@@ -24,14 +24,13 @@ class Terminal:
 
     def __init__(self, output: TextIO) -> None:
         self._output = output
-        self._size = (0, 0)
+        self._size: tuple[int, int] = (0, 0)
         self._shown: list[list[str]] = []
+        self._prepare()
 
     def show(self, world: World, background: Color) -> bool:
         """Draw the world; always returns True, because Ctrl-C ends the program."""
-        size = shutil.get_terminal_size()
-        rows = max(_SMALLEST, min(size.lines - _LOG_ROWS, size.columns // 2))
-        self._prepare((size.columns, size.lines), rows)
+        rows = self._prepare()
         text = self._changes(characters(picture(world, background, 2 * rows, 2 * rows)))
         if text:
             self._output.write(f"{_SAVE}{text}{_RESET}{_RESTORE}")
@@ -43,13 +42,19 @@ class Terminal:
         self._output.write(f"{_RESET}\x1b[r\x1b[{self._size[1]};1H\n")
         self._output.flush()
 
-    def _prepare(self, size: tuple[int, int], rows: int) -> None:
-        """Clear the terminal after its size changed, and let log lines scroll below the picture."""
-        if size == self._size:
-            return
-        self._size, self._shown = size, []
-        below = f"\x1b[{rows + 1};{size[1]}r\x1b[{rows + 1};1H"
-        self._output.write(f"{_RESET}\x1b[r\x1b[2J{below}")
+    def _prepare(self) -> int:
+        """Clear the terminal if its size has changed, and let log lines scroll below the picture.
+
+        Returns the number of rows of the picture.
+        """
+        columns, lines = size = shutil.get_terminal_size()
+        rows = max(_SMALLEST, min(lines - _LOG_ROWS, columns // 2))
+        if size != self._size:
+            self._size, self._shown = size, []
+            below = f"\x1b[{rows + 1};{lines}r\x1b[{rows + 1};1H"
+            self._output.write(f"{_RESET}\x1b[r\x1b[2J{below}")
+            self._output.flush()
+        return rows
 
     def _changes(self, image: list[list[str]]) -> str:
         before = self._shown or [[""] * len(row) for row in image]

@@ -33,14 +33,18 @@ class PacedView:
 
     Args:
         view: where to draw; None draws nowhere.
+        hint: printed at the first picture, so below the log lines of the start.
     """
 
-    def __init__(self, view: View | None) -> None:
-        self._view = view
+    def __init__(self, view: View | None, hint: str = "") -> None:
+        self._view, self._hint = view, hint
         self._next = 0.0
 
     def draw(self, world: World, background: Color) -> bool:
         """Draw if it is time; return False after the user has closed the view."""
+        if self._hint:
+            print(self._hint, file=sys.stderr)
+            self._hint = ""
         if self._view is None or (now := time.monotonic()) < self._next:
             return True
         self._next = now + _INTERVAL
@@ -54,10 +58,8 @@ def opened(name: str) -> Iterator[PacedView]:
     Raises TaskRpcError if a named view does not work here.
     """
     view = _view(name)
-    if view is None and name == "auto":
-        print(_HOW, file=sys.stderr)
     try:
-        yield PacedView(view)
+        yield PacedView(view, _HOW if view is None and name == "auto" else "")
     finally:
         if view is not None:
             view.close()

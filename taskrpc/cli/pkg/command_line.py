@@ -78,14 +78,25 @@ def _list(_: argparse.Namespace) -> int:
 def _executables(options: argparse.Namespace) -> int:
     from taskrpc.ros.installed import executables
 
-    here = _here()
-    if options.package_name and options.package_name not in here:
-        raise _unknown(f"Package '{options.package_name}' not found", options.package_name)
-    for package in [options.package_name] if options.package_name else sorted(here):
+    here, wanted = _here(), options.package_name
+    if wanted and wanted not in here:
+        _print_bundled(wanted, options.full_path)
+        return Exit.DONE
+    for package in [wanted] if wanted else sorted(here):
         folder = here[package]
         for name in sorted(executables(folder)):
             print(folder / name if options.full_path else f"{package} {name}")
     return Exit.DONE
+
+
+def _print_bundled(package: str, where: bool) -> None:
+    """Print the executables that taskrpc itself has for a package, such as turtlesim."""
+    from taskrpc.ros.bundled import EXECUTABLES
+
+    if package not in EXECUTABLES:
+        raise _unknown(f"Package '{package}' not found", package)
+    for name, target in sorted(EXECUTABLES[package].items()):
+        print(target if where else f"{package} {name}")
 
 
 def _prefix(options: argparse.Namespace) -> int:

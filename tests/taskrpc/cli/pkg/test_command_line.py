@@ -31,6 +31,14 @@ def test_unknown_package_is_an_error_with_similar_names(pkg, verb, said):
     assert pkg(verb, "std_srv") == (1, "", f"{said}\n  hint: did you mean std_srvs?\n")
 
 
+def test_executables_of_a_package_that_taskrpc_contains_are_shown(pkg):
+    names = ("draw_square", "mimic", "turtle_teleop_key", "turtlesim_node")
+    shown = "".join(f"turtlesim {name}\n" for name in names)
+    assert pkg("executables", "turtlesim") == (0, shown, "")
+    where = pkg("executables", "turtlesim", "--full-path")[1].splitlines()
+    assert where[-1] == "taskrpc.turtlesim.node:main"
+
+
 def test_executables_of_a_cmake_package_are_the_programs_that_it_installs(pkg, tmp_path):
     pkg("create", "lamp")
     scripts = tmp_path / "lamp" / "scripts"
