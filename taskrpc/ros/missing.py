@@ -47,10 +47,20 @@ _PYTHON = {
 }
 """Python packages of ROS 2, each with the advice for its users."""
 
-_INTERFACES = frozenset(
-    "actuator_msgs custom_interfaces graph_msgs irobot_create_msgs logging_demo"
-    " pendulum_msgs rosbag2_interfaces velodyne_msgs".split()
-)
+_REPOSITORIES = {
+    "audio_common_msgs": "https://github.com/ros-drivers/audio_common",
+    "hri_msgs": "https://github.com/ros4hri/hri_msgs",
+    "irobot_create_msgs": "https://github.com/iRobotEducation/irobot_create_msgs",
+    "mavros_msgs": "https://github.com/mavlink/mavros",
+    "px4_msgs": "https://github.com/PX4/px4_msgs",
+    "rmf_building_map_msgs": "https://github.com/open-rmf/rmf_building_map_msgs",
+    "rmf_fleet_msgs": "https://github.com/open-rmf/rmf_internal_msgs",
+    "slam_toolbox": "https://github.com/SteveMacenski/slam_toolbox",
+    "velodyne_msgs": "https://github.com/ros-drivers/velodyne",
+}
+"""Packages of definitions that programs import, each with the repository that has it."""
+
+_INTERFACES = frozenset("custom_interfaces graph_msgs logging_demo pendulum_msgs".split())
 _LIKE_INTERFACES = re.compile(r"\w+_(interfaces?|msgs?|srvs?)")
 
 
@@ -58,7 +68,8 @@ def explain_ros(name: str) -> str:
     """The explanation for a ROS package that taskrpc does not have; "" for any other package."""
     if hint := _PYTHON.get(name):
         return f"it is a package of ROS 2 that taskrpc does not have: {hint}"
-    return _place_for_interfaces(name) if name in _INTERFACES else ""
+    is_of_interfaces = name in _INTERFACES or name in _REPOSITORIES
+    return _place_for_interfaces(name) if is_of_interfaces else ""
 
 
 def explain_ros_or_interfaces(name: str) -> str:
@@ -69,6 +80,11 @@ def explain_ros_or_interfaces(name: str) -> str:
 
 
 def _place_for_interfaces(name: str) -> str:
+    if repository := _REPOSITORIES.get(name):
+        return (
+            f"taskrpc does not have these definitions: git clone {repository} into the src folder"
+            " of the workspace; no build is needed"
+        )
     return (
         f"if it has interfaces, put its folder (with {name}/srv, {name}/msg) beside the program,"
         " or name the folder above it in TASKRPC_INTERFACE_PATH"
