@@ -170,6 +170,10 @@ class EstimatedQueue:
         """Return the robot seconds from `now` to the task's end; 0.0 once it has ended."""
         if task_id not in self._accepted:
             return 0.0
+        # The clock has moved since `set_free_at`: in the last moment, the difference is below 0.
+        return max(0.0, self._seconds_to_end(task_id, now))
+
+    def _seconds_to_end(self, task_id: int, now: float) -> float:
         task = self.queue.find(task_id)
         return self.seconds_ahead(now) + (self.queue.seconds_through(task) if task else 0.0)
 
@@ -181,7 +185,7 @@ class EstimatedQueue:
         events = accepted.select(self.log.since(accepted.first_event))
         changes = [EstimateChange(event.seconds, event.cause) for event in events]
         if not self.log.is_complete_since(accepted.first_event):
-            late = now - accepted.at + self.estimate(task_id, now) - accepted.seconds
+            late = now - accepted.at + self._seconds_to_end(task_id, now) - accepted.seconds
             forgotten = late - sum(change.seconds for change in changes)
             changes.insert(0, EstimateChange(forgotten, "changes before these"))
         return merged(iter(changes), at_most=_LISTED_CHANGES)

@@ -224,6 +224,19 @@ async def test_current_estimate_agrees_with_accepted_estimate_and_changes():
     await manager.close()
 
 
+async def test_an_estimate_is_never_negative():
+    manager = TaskManager(LineRobot(), MemoryStore())
+    await manager.start()
+    await manager.submit("move", "3", 5)
+    await until(lambda: manager.running)
+    queue = manager._estimated_queue
+    now = asyncio.get_running_loop().time()
+    queue.set_free_at(now, lambda: "")
+    assert queue.estimate(1, now + 1e-5) == 0.0
+    assert queue.estimate(1, now - 1.0) == 1.0
+    await manager.close()
+
+
 async def test_so_many_changes_that_some_are_forgotten_still_add_up():
     robot = LineRobot()
     manager = TaskManager(robot, MemoryStore())
