@@ -174,7 +174,7 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
             left = None if deadline is None else deadline - self._loop.time()
             response = await self._send.call(request, timeout=left)
             if not response.accepted:
-                text = f"the server of {self.action_name} rejected the goal"
+                text = f"the server of {self.action_name} rejected the goal and gave no reason"
                 raise GoalRejected(Code.FAILED_PRECONDITION, text)
         except BaseException as error:
             if handle is not None:

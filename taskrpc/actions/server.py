@@ -295,6 +295,8 @@ class ActionServer:
         except asyncio.CancelledError:
             raise
         except Exception as error:
+            if isinstance(error, HandlerError):
+                log.info("rejected goal %s of %s: %s", goal_id.hex(), self.action_name, error)
             return False, self._failure(goal_id, error)
 
     async def _cancel_goals(self, request: Any, response: Any) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import sys
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -88,10 +89,7 @@ class _Sender:
         try:
             handle = await self._send(client, goal)
         except GoalRejected as error:
-            self._print("Goal was rejected.")
-            if self._plan.as_json:
-                self._print_json({"accepted": False, "reason": error.message})
-            return Exit.ERROR
+            return self._rejected(error)
         self._print(f"Goal accepted with ID: {handle.goal_id}\n")
         try:
             return await self._finish(handle)
@@ -113,6 +111,16 @@ class _Sender:
 
     async def _send(self, client: ActionClient[Any, Any, Any], goal: Any) -> GoalHandle[Any, Any]:
         return await client.send_goal(goal, timeout=self._left())
+
+    def _rejected(self, error: GoalRejected) -> Exit:
+        """Print the rejection as ros2 does; the reason goes to standard error."""
+        self._print("Goal was rejected.")
+        if self._plan.as_json:
+            self._print_json({"accepted": False, "reason": error.message})
+        else:
+            reason = " ".join(error.message.split()) or error.code
+            print(f"  hint: {reason}", file=sys.stderr)
+        return Exit.ERROR
 
     async def _finish(self, handle: GoalHandle[Any, Any]) -> Exit:
         async for feedback in handle.feedback:

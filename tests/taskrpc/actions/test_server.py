@@ -1,6 +1,7 @@
 """Action servers: which goals run when, and what becomes of them."""
 
 import asyncio
+import re
 import threading
 import time
 
@@ -207,6 +208,17 @@ async def test_an_accepting_callback_that_raises_rejects_the_goal(caplog):
             await client.send_goal(order(1))
     assert "secret" not in str(caught.value)
     assert "secret" in caplog.text
+
+
+async def test_the_reason_of_a_rejection_is_logged(caplog):
+    def accept(goal):
+        raise taskrpc.HandlerError("OUT_OF_RANGE", "at most 20 numbers")
+
+    caplog.set_level("INFO", "taskrpc.server")
+    async with programs(echo, goal=accept) as (_, _, client):
+        with pytest.raises(taskrpc.GoalRejected, match="at most 20 numbers"):
+            await client.send_goal(order(21))
+    assert re.search("rejected goal [0-9a-f]{32} of /fibonacci: .*at most 20 numbers", caplog.text)
 
 
 async def test_a_waiting_goal_that_is_cancelled_ends_at_once_and_never_begins():

@@ -17,6 +17,11 @@ import asyncio, srvgen, taskrpc
 
 Fibonacci = srvgen.load("example_interfaces/action/Fibonacci")
 
+def accept(goal):
+    if goal.order > 50:
+        raise taskrpc.HandlerError("OUT_OF_RANGE", f"at most 49 numbers,\\nnot {goal.order}")
+    return goal.order < 50
+
 async def execute(goal):
     sequence = [0, 1]
     for _ in range(goal.request.order - 1):
@@ -35,7 +40,7 @@ async def execute(goal):
 
 async def main():
     async with taskrpc.Node("server") as node, taskrpc.Node("user") as user:
-        node.create_action_server(Fibonacci, "fibonacci", execute, goal=lambda g: g.order < 50)
+        node.create_action_server(Fibonacci, "fibonacci", execute, goal=accept)
         user.create_action_client(Fibonacci, "fibonacci")
         asyncio.get_running_loop().call_soon(lambda: print("ready", flush=True))
         await node.spin()

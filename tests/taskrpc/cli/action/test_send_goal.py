@@ -52,7 +52,14 @@ def test_an_aborted_goal_and_one_that_failed_exit_with_1(action, run):
 
 def test_a_rejected_goal_exits_with_1(action, run):
     code, out, err = run("action", "send_goal", "/fibonacci", "order=50")
-    assert (code, out, err) == (1, SENT.format(50) + "Goal was rejected.\n", "")
+    assert (code, out) == (1, SENT.format(50) + "Goal was rejected.\n")
+    assert err == "  hint: the server of /fibonacci rejected the goal and gave no reason\n"
+
+
+def test_the_reason_of_a_rejection_is_one_line_on_stderr(action, run):
+    code, out, err = run("action", "send_goal", "/fibonacci", "order=60")
+    assert (code, out) == (1, SENT.format(60) + "Goal was rejected.\n")
+    assert err == "  hint: at most 49 numbers, not 60\n"
 
 
 def test_json_prints_one_line_for_each_message(action, run):
