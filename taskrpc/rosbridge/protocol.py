@@ -129,7 +129,7 @@ class ServiceResponse(Operation, tag="service_response"):
 
 
 class SendActionGoal(Operation, tag="send_action_goal"):
-    """A goal for an action, which is refused: actions do not exist yet."""
+    """A goal for an action. The gateway refuses it: rosbridge clients cannot use actions."""
 
     action: _Name
 
@@ -151,13 +151,13 @@ class Fragment(Operation, tag="fragment"):
 _OPERATIONS: dict[str, type[Operation]] = {
     str(cls.__struct_config__.tag): cls for cls in Operation.__subclasses__()
 }
-_NO_ACTIONS = "actions are not supported"
+NO_ACTIONS = "actions are not supported over rosbridge"
 _UNSUPPORTED = {
-    "advertise_action": _NO_ACTIONS,
-    "unadvertise_action": _NO_ACTIONS,
-    "cancel_action_goal": _NO_ACTIONS,
-    "action_feedback": _NO_ACTIONS,
-    "action_result": _NO_ACTIONS,
+    "advertise_action": NO_ACTIONS,
+    "unadvertise_action": NO_ACTIONS,
+    "cancel_action_goal": NO_ACTIONS,
+    "action_feedback": NO_ACTIONS,
+    "action_result": NO_ACTIONS,
     "auth": "not supported; send the HTTP header Authorization with the request for the WebSocket",
     "png": "not supported; send the operation as JSON",
 }

@@ -280,7 +280,7 @@ class Session:
 
     async def _refuse_goal(self, operation: protocol.SendActionGoal) -> None:
         # Not a status: clients wait for the result.
-        result = {"status": _ABORTED, "values": "actions are not supported", "result": False}
+        result = {"status": _ABORTED, "values": protocol.NO_ACTIONS, "result": False}
         known = {} if operation.id is None else {"id": operation.id}
         self._send({"op": "action_result", "action": operation.action, **known, **result})
 

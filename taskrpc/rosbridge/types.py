@@ -7,6 +7,7 @@ from typing import Any
 import srvgen
 from taskrpc.errors import TaskRpcError
 from taskrpc.message_types import message_type, service_type
+from taskrpc.rosbridge.protocol import NO_ACTIONS
 
 
 def service_class(type_name: str) -> Any:
@@ -26,7 +27,7 @@ def message_class(type_name: str) -> Any:
     Raises DefinitionError; TaskRpcError for a type that is not a message.
     """
     if type_name.startswith("actionlib_msgs/"):  # ROSLIB.ActionClient
-        raise TaskRpcError(f"{type_name}: actions are not supported")
+        raise TaskRpcError(f"{type_name}: {NO_ACTIONS}")
     try:
         return message_type(srvgen.load(message_type_name(type_name)))
     except TypeError as error:

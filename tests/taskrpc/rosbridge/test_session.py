@@ -322,7 +322,7 @@ async def test_goal_of_an_action_is_refused_with_a_result():
         await client.send("send_action_goal", id="g", action="/dock", action_type="x/Dock", args={})
         result = await client.next()
         assert (result["op"], result["id"], result["result"]) == ("action_result", "g", False)
-        assert result["values"] == "actions are not supported"
+        assert result["values"] == "actions are not supported over rosbridge"
 
 
 @given(st.lists(OPERATIONS, max_size=30))
