@@ -5,11 +5,23 @@ from __future__ import annotations
 import asyncio
 import functools
 import inspect
+import os
+import platform
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 FOLDER = Path(__file__).parent
+ROOT = FOLDER.parents[1]
+PACKAGES = "rclpy rmw-fastrtps-cpp std-srvs std-msgs test-msgs geometry-msgs".split()
+TOOLS = ["pytest", "pytest-asyncio", "pytest-xdist", "hypothesis"]
+HAS_WHEELS = (
+    sys.platform == "linux"
+    and platform.machine() == "x86_64"
+    and (3, 11) <= sys.version_info < (3, 15)
+)
 LIMIT = 180.0
 """Seconds for one async test; pyzeros compiles its messages first, which takes up to a minute."""
 
@@ -32,3 +44,26 @@ def limited(test):
             await test(*args, **kwargs)
 
     return with_limit
+
+
+@pytest.fixture(scope="session")
+def ros_python(tmp_path_factory):
+    """The Python of an environment with the real rclpy and taskrpc."""
+    if given := os.environ.get("TASKRPC_TEST_ROS"):
+        return given
+    if not HAS_WHEELS:
+        pytest.skip("PyPI has wheels of rclpy for Linux on x86-64 and Python 3.11 to 3.14 only")
+    folder = tmp_path_factory.mktemp("ros") / "environment"
+    subprocess.run([sys.executable, "-m", "venv", folder], check=True, timeout=300)
+    python = str(folder / "bin" / "python")
+    wanted = [f"ros-{name}" for name in PACKAGES] + TOOLS
+    install = [python, "-m", "pip", "install", "--quiet", *wanted]
+    ended = subprocess.run(install, stderr=subprocess.PIPE, text=True, timeout=900)
+    if ended.returncode:
+        reason = ended.stderr.strip().splitlines()[-1]
+        if os.environ.get("CI"):
+            pytest.fail(f"cannot install the real rclpy: {reason}")
+        pytest.skip(f"cannot install the real rclpy: {reason}")
+    own = [python, "-m", "pip", "install", "--quiet", "--editable", f"{ROOT}[tls]"]
+    subprocess.run(own, check=True, timeout=900)
+    return python
