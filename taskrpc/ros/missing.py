@@ -17,7 +17,6 @@ else:  # slow to import, and not needed
     MetaPathFinder = object
 
 _LAUNCH = "there are no launch files; start each program separately, with `taskrpc run`"
-_CLOUDS = "transform the points of `sensor_msgs_py.point_cloud2` with `tf2_geometry_msgs`"
 _COMMANDS = "use `taskrpc service`, `topic`, `node`, `param` and `interface`"
 _CHECKS = "it checks a package's style, in `colcon test` on a real ROS 2"
 _NONE = "only a real ROS 2 has it"
@@ -29,7 +28,6 @@ _BAGS = "`taskrpc bag` reads and converts recordings"
 
 _PYTHON = {
     **dict.fromkeys("launch launch_ros launch_xml launch_yaml launch_testing".split(), _LAUNCH),
-    "tf2_sensor_msgs": _CLOUDS,
     "image_geometry": _CAMERAS,
     "interactive_markers": _MARKERS,
     "nav2_simple_commander": _NAV2,

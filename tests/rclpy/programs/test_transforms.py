@@ -207,6 +207,61 @@ with rclpy.init():
     executor.spin_until_future_complete(task)
 """
 
+BUFFER_CLIENT = """
+import threading
+
+import rclpy
+from geometry_msgs.msg import TransformStamped
+from rclpy.action import ActionServer
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.node import Node
+from rclpy.time import Time
+from tf2_msgs.action import LookupTransform
+from tf2_ros import Buffer, BufferClient, LookupException
+
+
+def answer(handle):
+    goal, result = handle.request, LookupTransform.Result()
+    try:
+        result.transform = buffer.lookup_transform(
+            goal.target_frame, goal.source_frame, Time.from_msg(goal.source_time)
+        )
+    except LookupException as error:
+        result.error.error = result.error.LOOKUP_ERROR
+        result.error.error_string = str(error)
+    handle.succeed()
+    return result
+
+
+def spin():
+    try:
+        executor.spin()
+    except ExternalShutdownException:
+        pass
+
+
+with rclpy.init():
+    buffer = Buffer()
+    shelf = TransformStamped(child_frame_id="shelf")
+    shelf.header.frame_id = "world"
+    shelf.transform.translation.x = 4.0
+    buffer.set_transform_static(shelf, "me")
+    node = Node("buffers")
+    server = ActionServer(node, LookupTransform, "tf2_buffer_server", answer)
+    client = BufferClient(node, "tf2_buffer_server")
+    executor = MultiThreadedExecutor(2)
+    executor.add_node(node)
+    thread = threading.Thread(target=spin)
+    thread.start()
+    assert client.action_client.wait_for_server(60)
+    print(client.lookup_transform("world", "shelf", Time()).transform.translation.x)
+    try:
+        client.lookup_transform("world", "box", Time())
+    except LookupException as error:
+        print(error)
+thread.join()
+"""
+
 
 def test_echo_prints_a_static_transform_that_was_sent_before(ros):
     sender = ros(STATIC_BROADCASTER, "shelf", 0, 0, 1, 0, 0, 0.5, name="sender.py")
@@ -244,3 +299,8 @@ def test_lookups_reach_other_times_and_wait(run):
         " frame [turtle2]",
         "106 s: 50.0 m",
     ]
+
+
+def test_buffer_client_asks_the_action_of_a_server(run):
+    said = '"box" passed to lookupTransform argument source_frame does not exist. '
+    assert run(BUFFER_CLIENT) == (0, f"4.0\n{said}\n", "")

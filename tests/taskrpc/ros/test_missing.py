@@ -31,7 +31,6 @@ def hooked(tmp_path, monkeypatch):
             "launch",
             "it is a package of ROS 2 that taskrpc does not have: there are no launch files;",
         ),
-        ("tf2_sensor_msgs", "that taskrpc does not have: transform the points of"),
         ("ament_flake8.main", "it checks a package's style, in `colcon test` on a real ROS 2"),
         ("image_geometry", "`cv_bridge` and OpenCV exist, but nothing computes with camera models"),
         ("interactive_markers", "the messages of `visualization_msgs` exist"),

@@ -4,7 +4,11 @@ Quaternions are (x, y, z, w), and matrices are arrays of 4 by 4 numbers. `rotati
 functions that programs use most. The package needs `transforms3d`, which brings numpy.
 """
 
-from . import requirements  # first: explains a missing transforms3d in one line
+from taskrpc.ros.optional import needed
+
+needed("transforms3d", "tf_transformations")  # explains in one line that it is not installed
+
+# ruff: noqa: E402 - the other modules import transforms3d
 from .arcball import (
     Arcball,
     arcball_constrain_to_axis,
@@ -86,7 +90,6 @@ __all__ = [
     "random_vector",
     "reflection_from_matrix",
     "reflection_matrix",
-    "requirements",
     "rotation_from_matrix",
     "rotation_matrix",
     "scale_from_matrix",
