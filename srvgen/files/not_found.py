@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from ..definitions.names import (
@@ -15,6 +15,7 @@ from ..definitions.names import (
 )
 from ..diagnostics.type_hints import missing_type_hint, suggest
 from ..errors import DefinitionError
+from .archive import ARCHIVE
 from .reading import KINDS, meant_path
 
 _NOUNS = {"msg": "message", "srv": "service", "action": "action"}
@@ -35,25 +36,36 @@ def unknown_type(
 
 
 def unknown_package(
-    package: str, packages: Iterable[str], roots: Iterable[Path], wanted: TypeName | None
+    package: str,
+    packages: Mapping[str, Sequence[Path]],
+    roots: Iterable[Path],
+    wanted: TypeName | None,
 ) -> DefinitionError:
     """The error of a package that cannot be found; the hint may say where its files are."""
     return DefinitionError(
         f"package {package!r} not found",
-        hint=_misplaced_file(package, roots, wanted) or did_you_mean(package, packages),
+        hint=_misplaced_file(package, roots, wanted)
+        or next(filter(None, (did_you_mean(package, each) for each in _groups(packages))), ""),
     )
 
 
-def name_hint(text: str, packages: Iterable[str], interfaces: Interfaces) -> str:
+def name_hint(text: str, packages: Mapping[str, Sequence[Path]], interfaces: Interfaces) -> str:
     """A hint with the full type names that an invalid type name may mean, or ""."""
-    known = [one for package in packages for one in interfaces(package)]
     written = re.sub(r"\.(?:msg|srv|action)$", "", text)
     parts = [part for part in re.split(r"/|::|\.", written) if part]
-    for resembles in (str.__eq__, is_one_typo):
-        found = [one for one in known if parts and _is_meant(parts, one.split("/"), resembles)]
-        if found:
-            return suggest(found[:3])
+    for group in _groups(packages) if parts else ():
+        known = [one for package in group for one in interfaces(package)]
+        for resembles in (str.__eq__, is_one_typo):
+            if found := [one for one in known if _is_meant(parts, one.split("/"), resembles)]:
+                return suggest(found[:3])
     return ""
+
+
+def _groups(packages: Mapping[str, Sequence[Path]]) -> Iterator[list[str]]:
+    """The names of packages, those in the archive last: they are rarely meant."""
+    packed = [name for name, folders in packages.items() if folders[0].parent == ARCHIVE]
+    yield [name for name in packages if name not in packed]
+    yield packed
 
 
 def _is_meant(parts: list[str], full: list[str], resembles: Callable[[str, str], bool]) -> bool:
@@ -74,8 +86,11 @@ def _suggestion(
     for package, kind, bare in known:
         if bare == name.name:
             return f"did you mean {package}/{kind}/{bare}?"
-    others = [one for package in packages for one in interfaces(package)]
-    return missing_type_hint(name.name, _elsewhere(name, others))
+    for group in _groups(packages):
+        others = [one for package in group for one in interfaces(package)]
+        if hint := missing_type_hint(name.name, _elsewhere(name, others)):
+            return hint
+    return ""
 
 
 def _elsewhere(name: TypeName, known: Iterable[str]) -> list[str]:

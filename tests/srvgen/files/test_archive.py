@@ -92,6 +92,19 @@ def test_unknown_types_of_a_package_get_a_suggestion():
     assert not search.has_package("packages")
 
 
+def test_types_of_other_packages_are_suggested_before_those_of_the_archive(tmp_path):
+    with pytest.raises(DefinitionError) as caught:
+        Search([tmp_path]).load("my_msgs/msg/Point")
+    assert "Point" not in caught.value.hint
+    (tmp_path / "my_msgs" / "msg").mkdir(parents=True)
+    (tmp_path / "my_msgs" / "msg" / "Line.msg").write_text("Point start\nGeoPoint end\n")
+    with pytest.raises(DefinitionError) as caught:
+        Search([tmp_path]).with_dependencies("my_msgs/msg/Line")
+    text = str(caught.value)
+    assert "did you mean geometry_msgs/Point?" in text
+    assert "did you mean geographic_msgs/GeoPoint?" in text
+
+
 def test_a_text_from_a_server_may_nest_types_of_the_archive():
     made = srvgen.define("map_msgs_test/msg/Place", "geographic_msgs/GeoPoint point\n")
     assert made().point.latitude == 0.0
