@@ -121,19 +121,20 @@ class ParameterAlreadyDeclaredException(ParameterException):
 class InvalidParameterException(ParameterException):
     """A parameter is declared with a name that ROS refuses."""
 
-    def __init__(self, parameter: str, *args: Any) -> None:
-        super().__init__("Invalid parameter name", parameter, *args)
+    def __init__(self, parameter_name: str, *args: Any) -> None:
+        super().__init__("Invalid parameter name", parameter_name, *args)
 
 
 class InvalidParameterTypeException(ParameterException):
     """A parameter is set to a value that does not have its declared type."""
 
-    def __init__(self, parameter: Any, expected_type: Any, *args: Any) -> None:
-        got = type(parameter).Type.from_parameter_value(parameter.value).name
+    def __init__(self, desired_parameter: Any, expected_type: Any, *args: Any) -> None:
+        name, value = desired_parameter.name, desired_parameter.value
+        got = type(desired_parameter).Type.from_parameter_value(value).name
         super().__init__(
-            f"Trying to set parameter '{parameter.name}' to '{parameter.value}'"
+            f"Trying to set parameter '{name}' to '{value}'"
             f" of type '{got}', expecting type '{expected_type}'",
-            parameter.name,
+            name,
             *args,
         )
 
@@ -150,15 +151,16 @@ class InvalidParameterValueException(ParameterException):
 class ParameterImmutableException(ParameterException):
     """The program tries to change a read-only parameter."""
 
-    def __init__(self, parameter: str, *args: Any) -> None:
-        super().__init__("Attempted to modify read-only parameter", parameter, *args)
+    def __init__(self, parameter_name: str, *args: Any) -> None:
+        super().__init__("Attempted to modify read-only parameter", parameter_name, *args)
 
 
 class ParameterUninitializedException(ParameterException):
     """A parameter that was declared without a value is read."""
 
-    def __init__(self, parameter: str, *args: Any) -> None:
-        super().__init__(f"The parameter '{parameter}' is not initialized", parameter, *args)
+    def __init__(self, parameter_name: str, *args: Any) -> None:
+        text = f"The parameter '{parameter_name}' is not initialized"
+        super().__init__(text, parameter_name, *args)
 
 
 class ROSInterruptException(Exception):

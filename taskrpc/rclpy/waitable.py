@@ -19,12 +19,28 @@ T = TypeVar("T")
 class NumberOfEntities:
     """How many entities of each kind a waitable waits for; objects can be added."""
 
-    num_subscriptions: int = 0
-    num_guard_conditions: int = 0
-    num_timers: int = 0
-    num_clients: int = 0
-    num_services: int = 0
-    num_events: int = 0
+    num_subscriptions: int
+    num_guard_conditions: int
+    num_timers: int
+    num_clients: int
+    num_services: int
+    num_events: int
+
+    def __init__(
+        self,
+        num_subs: int = 0,
+        num_gcs: int = 0,
+        num_timers: int = 0,
+        num_clients: int = 0,
+        num_services: int = 0,
+        num_events: int = 0,
+    ) -> None:
+        self.num_subscriptions = num_subs
+        self.num_guard_conditions = num_gcs
+        self.num_timers = num_timers
+        self.num_clients = num_clients
+        self.num_services = num_services
+        self.num_events = num_events
 
     def __add__(self, other: NumberOfEntities) -> NumberOfEntities:
         ours, theirs = dataclasses.astuple(self), dataclasses.astuple(other)

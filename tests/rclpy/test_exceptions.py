@@ -37,3 +37,14 @@ def test_exceptions_of_ros_are_shown_with_the_module_name_of_ros():
 
 def test_a_program_may_catch_an_invalid_handle_as_runtime_error():
     assert issubclass(exceptions.InvalidHandle, RuntimeError)
+
+
+def test_arguments_of_parameter_exceptions_have_the_names_of_ros():
+    wanted = Parameter("a", value=1)
+    for error in (
+        exceptions.InvalidParameterException(parameter_name="a"),
+        exceptions.ParameterImmutableException(parameter_name="a"),
+        exceptions.ParameterUninitializedException(parameter_name="a"),
+        exceptions.InvalidParameterTypeException(desired_parameter=wanted, expected_type="STRING"),
+    ):
+        assert str(error).endswith(": a")

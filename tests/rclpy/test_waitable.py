@@ -113,6 +113,7 @@ def test_waitable_without_the_required_methods_is_refused():
 def test_numbers_of_entities_add_up():
     one, two = NumberOfEntities(1, 2, 3, 4, 5), NumberOfEntities(10, 20, 30, 40, 50)
     assert one + two == NumberOfEntities(11, 22, 33, 44, 55)
+    assert NumberOfEntities(num_subs=1, num_gcs=2).num_guard_conditions == 2
     one += two
     assert one.num_clients == 44
 

@@ -393,7 +393,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
 
     def get_num_entities(self) -> NumberOfEntities:
         """How many clients and subscriptions it consists of."""
-        return NumberOfEntities(num_subscriptions=2, num_clients=3)
+        return NumberOfEntities(num_subs=2, num_clients=3)
 
     def _may_take(self, part: Client[Any, Any] | Subscription[Any]) -> bool:
         """Whether the oldest message of a part may be taken: feedback waits for the response."""
