@@ -1,8 +1,10 @@
-"""Checks whether a class is an interface of ROS."""
+"""Types of interface classes for annotations, and checks whether a class is an interface."""
 
 from __future__ import annotations
 
 from typing import Any, TypeVar
+
+from taskrpc.message_types import Action, Msg, Srv
 
 from .exceptions import NoTypeSupportImportedException
 
@@ -10,6 +12,10 @@ MsgT = TypeVar("MsgT")
 SrvT = TypeVar("SrvT")
 SrvRequestT = TypeVar("SrvRequestT")
 SrvResponseT = TypeVar("SrvResponseT")
+ActionT = TypeVar("ActionT")
+GoalT = TypeVar("GoalT")
+ResultT = TypeVar("ResultT")
+FeedbackT = TypeVar("FeedbackT")
 
 MsgType, SrvType = MsgT, SrvT
 SrvTypeRequest, SrvTypeResponse = SrvRequestT, SrvResponseT
@@ -47,3 +53,25 @@ def check_is_valid_srv_type(srv_type: Any) -> None:
     check_for_type_support(srv_type)
     if not (hasattr(srv_type, "Request") and hasattr(srv_type, "Response")):
         raise RuntimeError(f"expected a service type, got the message {srv_type.__name__}")
+
+
+__all__ = [
+    "Action",
+    "ActionT",
+    "FeedbackT",
+    "GoalT",
+    "Msg",
+    "MsgT",
+    "MsgType",
+    "ResultT",
+    "Srv",
+    "SrvRequestT",
+    "SrvResponseT",
+    "SrvT",
+    "SrvType",
+    "SrvTypeRequest",
+    "SrvTypeResponse",
+    "check_for_type_support",
+    "check_is_valid_msg_type",
+    "check_is_valid_srv_type",
+]

@@ -29,3 +29,10 @@ def test_only_interface_classes_are_accepted_as_types():
         type_support.check_is_valid_msg_type(Trigger)
     with pytest.raises(RuntimeError):
         type_support.check_is_valid_srv_type(String)
+
+
+def test_annotations_of_typed_programs_are_evaluated():
+    t = type_support
+    assert t.Srv[t.SrvRequestT, t.SrvResponseT]
+    assert t.Action[t.GoalT, t.ResultT, t.FeedbackT]
+    assert list[t.Msg]
