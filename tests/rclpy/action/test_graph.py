@@ -20,7 +20,7 @@ def test_actions_are_listed_for_all_nodes_and_by_node():
             get_action_client_names_and_types_by_node,
             get_action_server_names_and_types_by_node,
         )
-        assert get_action_names_and_types(node) == found
+        assert get_action_names_and_types(node) == node.get_action_names_and_types() == found
         assert (servers(node, "served", "/"), servers(node, "calling", "/")) == (found, [])
         assert (clients(node, "served", "/"), clients(node, "calling", "/")) == ([], found)
         with pytest.raises(NodeNameNonExistentError):

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from taskrpc import names
+from taskrpc.actions.names import action_of_feedback
 from taskrpc.errors import InvalidName
 from taskrpc.transport.discovery.entries import RegistryEntry
 
@@ -52,6 +53,10 @@ class GraphMethods:
     def get_service_names_and_types(self) -> NamesAndTypes:
         """All services with their types."""
         return _gathered(_entries(self._rclpy_handle), ENDPOINTS[EndpointTypeEnum.SERVER])
+
+    def get_action_names_and_types(self) -> NamesAndTypes:
+        """All actions, of servers and of clients, with their types."""
+        return actions_of(self.get_topic_names_and_types())
 
     def get_publisher_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
@@ -142,6 +147,16 @@ class GraphMethods:
                 return False
             time.sleep(_POLL_INTERVAL)
         return True
+
+
+def actions_of(topics: Iterable[tuple[str, list[str]]]) -> NamesAndTypes:
+    """The actions to which feedback topics belong, with their types."""
+    found: dict[str, list[str]] = {}
+    for topic, type_names in topics:
+        for type_name in type_names:
+            if (action := action_of_feedback(topic, type_name)) is not None:
+                found.setdefault(action[0], []).append(action[1])
+    return list(found.items())
 
 
 def _entries(handle: NodeHandle) -> list[RegistryEntry]:
