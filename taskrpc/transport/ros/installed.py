@@ -16,7 +16,16 @@ from taskrpc.errors import TaskRpcError, TypeMismatch
 from taskrpc.transport.codec import KEPT_CLASSES
 
 _OURS = Path(__file__).resolve().parents[2] / "rclpy"
-_PARTS = ("context", "node", "executors", "qos", "event_handler", "serialization", "parameter")
+_PARTS = (
+    "context",
+    "node",
+    "executors",
+    "exceptions",
+    "qos",
+    "event_handler",
+    "serialization",
+    "parameter",
+)
 _TASKRPC_PACKAGES = ("my_robot_interfaces", "taskrpc_interfaces")
 """The bundled packages that do not belong to ROS."""
 

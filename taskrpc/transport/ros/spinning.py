@@ -75,7 +75,9 @@ class Spinner:
     def __init__(self, ros: Any, context: Any, name: str) -> None:
         self._executor = ros.executors.SingleThreadedExecutor(context=context)
         self._context = context
-        # A daemon: a program whose event loop has ended must not wait for ROS.
+        self._destroyed = ros.exceptions.InvalidHandle
+        # A daemon, because a real rclpy may hang. But Python stops the daemons at its end, and a
+        # thread that it stops inside rclpy aborts the process: so the end of Python closes this.
         self._thread = threading.Thread(target=self._run, name=f"taskrpc {name}", daemon=True)
         self._nodes: list[Any] = []
         self._actions: deque[Callable[[], object]] = deque()
@@ -89,6 +91,7 @@ class Spinner:
         self._nodes.append(node)
         self._executor.add_node(node)
         if not self._thread.is_alive() and not self._is_closed:
+            atexit.register(self.close)
             self._thread.start()
 
     def put(self, action: Callable[..., object], *arguments: Any) -> None:
@@ -136,10 +139,13 @@ class Spinner:
             else:
                 self._woken.wait()
         self._end()
+        atexit.unregister(self.close)
 
     def _spin_once(self) -> None:
         try:
             self._executor.spin_once(timeout_sec=1.0)
+        except self._destroyed:
+            pass  # closed just before rclpy waited for it; the next turn leaves it out
         except Exception as error:
             if not self._is_closed and self._context.ok():
                 # For example a message of a damaged program; the others must go on.

@@ -486,6 +486,31 @@ def test_taskrpc_run_explains_that_its_rclpy_is_not_the_real_one(tmp_path):
     assert "Traceback" not in ended.stderr
 
 
+UNCLOSED = """
+import asyncio, time, taskrpc
+
+class Late:
+    def __del__(self):
+        time.sleep(1.5)  # rclpy returns from its wait while Python ends
+
+late, nodes = Late(), []
+
+async def main():
+    node = taskrpc.Node("unclosed", transport="ros")
+    nodes.append(await node.__aenter__())
+
+asyncio.run(main())
+print("over")
+"""
+
+
+def test_program_that_does_not_close_its_node_ends_without_a_crash(tmp_path):
+    script = tmp_path / "unclosed.py"
+    script.write_text(UNCLOSED)
+    ended = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60)
+    assert (ended.returncode, ended.stdout) == (0, "over\n"), ended.stderr
+
+
 # Actions
 
 

@@ -50,6 +50,10 @@ class Context:
         return found[found.index("--enclave") + 1] if "--enclave" in found else "/"
 
 
+class InvalidHandle(Exception):
+    """What rclpy raises when something that was destroyed is used."""
+
+
 class Executor:
     """An executor without work: the fake calls callbacks directly."""
 
@@ -100,6 +104,7 @@ class Ros:
         )
         self.context = SimpleNamespace(Context=Context)
         self.executors = SimpleNamespace(SingleThreadedExecutor=Executor)
+        self.exceptions = SimpleNamespace(InvalidHandle=InvalidHandle)
         self.parameter = SimpleNamespace(Parameter=lambda name, *, value: (name, value))
         self.node = SimpleNamespace(Node=self.new_node)
         self.serialization = SimpleNamespace(deserialize_message=self.deserialize)

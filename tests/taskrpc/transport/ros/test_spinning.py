@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
+import time
 from types import SimpleNamespace
 
 import pytest
 
 from taskrpc.transport.ros.spinning import Ending, Spinner, wait_until_sent
-from tests.taskrpc.transport.ros.fake_ros import Context, Ros
+from tests.taskrpc.transport.ros.fake_ros import Context, InvalidHandle, Ros
 
 
 @pytest.mark.real_time
@@ -73,6 +74,23 @@ def test_thread_runs_from_the_first_node_to_the_end(spinner, caplog):
 
 
 @pytest.mark.real_time
+def test_what_is_closed_before_rclpy_waits_for_it_is_no_error(spinner, caplog):
+    spun = []
+
+    def spin_once(timeout_sec):
+        spun.append(timeout_sec)
+        raise InvalidHandle("cannot use Destroyable because destruction was requested")
+
+    spinner._executor.spin_once = spin_once
+    spinner.add(FakeNode(spinner))
+    while len(spun) < 2:
+        assert spinner._thread.is_alive()
+        time.sleep(0.001)
+    assert spinner.close()
+    assert caplog.text == ""
+
+
+@pytest.mark.real_time
 def test_nodes_are_destroyed_in_the_thread_while_rclpy_does_not_wait(spinner):
     removed, left = FakeNode(spinner), FakeNode(spinner)
     spinner.add(removed)
@@ -102,6 +120,20 @@ def test_nodes_of_a_thread_that_hangs_are_not_destroyed(spinner, monkeypatch):
     hang.set()
     spinner._thread.join(10)
     assert node.destroyed == [(spinner._thread, False)]
+
+
+@pytest.mark.real_time
+def test_end_of_python_closes_a_thread_that_nobody_closed(spinner, monkeypatch):
+    at_exit = []
+    monkeypatch.setattr("taskrpc.transport.ros.spinning.atexit.register", at_exit.append)
+    monkeypatch.setattr("taskrpc.transport.ros.spinning.atexit.unregister", at_exit.remove)
+    node = FakeNode(spinner)
+    spinner.add(node)
+    (close,) = at_exit
+    assert close()
+    assert node.destroyed == [(spinner._thread, False)]
+    assert not spinner._thread.is_alive()
+    assert at_exit == []
 
 
 @pytest.mark.real_time
