@@ -20,6 +20,8 @@ from srvgen.files.dependencies import DefinitionSource, with_dependencies
 EVENT = "_Event"
 """The end of the type name of a service's events."""
 _SERVICE_HEADING = "=" * 80 + "\nSRV: "
+_ACTION = "/action/"
+"""The folder in the type names of an action's services and messages."""
 
 
 def schema_text(type_name: str, source: DefinitionSource) -> str:
@@ -31,7 +33,7 @@ def schema_text(type_name: str, source: DefinitionSource) -> str:
     definition = source.load(service or type_name)
     ordered = with_dependencies(definition, source)
     texts = {
-        each.full_name: source.text(each.full_name)
+        each.full_name: _fields_text(each) if _is_part(each) else source.text(each.full_name)
         for each in ordered
         if isinstance(each, MessageDef)
     }
@@ -49,8 +51,12 @@ def schema_text(type_name: str, source: DefinitionSource) -> str:
 def class_from(type_name: str, text: str) -> Any:
     """Return the class of a recorded type; its `_HASH` equals that of an equal local type.
 
+    The class of an action's part comes from the local definition of the action.
+
     Raises DefinitionError if the text is not a valid definition.
     """
+    if _ACTION in type_name:
+        return srvgen.load(type_name)
     service = _service_of(type_name)
     if text.startswith(_SERVICE_HEADING):  # rosbag2's form
         name, _, body = text.removeprefix(_SERVICE_HEADING).partition("\n")
@@ -82,8 +88,16 @@ def is_event(type_name: str) -> bool:
 
 def _service_of(type_name: str) -> str:
     """Return the service of an event type, "" for another type."""
-    is_event_name = type_name.endswith(EVENT) and type_name.count("/srv/") == 1
-    return type_name.removesuffix(EVENT) if is_event_name else ""
+    service = type_name.removesuffix(EVENT)
+    has_calls = service.count("/srv/") == 1 or (
+        _ACTION in service and service.endswith(("_SendGoal", "_GetResult"))
+    )
+    return service if has_calls and service != type_name else ""
+
+
+def _is_part(message: MessageDef) -> bool:
+    """Return whether a message is a part of an action, which has no file of its own."""
+    return _ACTION in message.full_name
 
 
 def _section_name(needed: dict[str, str], service: str, section: str) -> str:

@@ -46,6 +46,16 @@ def test_class_from_a_schema_has_the_hash_of_the_type(package):
         assert class_from(recorded, schema_text(recorded, search()))._HASH == expected._HASH
 
 
+@pytest.mark.parametrize("part", ["SendGoal_Event", "GetResult_Event", "FeedbackMessage"])
+def test_the_parts_of_an_action_are_written_with_their_fields(part):
+    name = f"example_interfaces/action/Fibonacci_{part}"
+    text = schema_text(name, search())
+    assert "---" not in text
+    assert "MSG: unique_identifier_msgs/msg/UUID" in text
+    assert class_from(name, text) is srvgen.load(name)
+    assert is_event(name) == part.endswith("_Event")
+
+
 def test_event_schema_as_rosbag2_writes_it_is_read():
     own = search().text("example_interfaces/srv/AddTwoInts")
     text = "=" * 80 + f"\nSRV: example_interfaces/srv/AddTwoInts\n{own}"
