@@ -155,7 +155,7 @@ def test_roslib_in_node(ports, package, gateway):
     check_services(found)
     assert "/robot_task/pose" in found["topics"]["topics"]
     assert found["invalid"].startswith("FieldError: priority: expected int32")
-    assert found["actions"] == []
+    assert found["actions"] == ["/robot_task/execute"]
     assert found["decoded"]["position"] == {"x": "float64", "y": "float64", "z": "float64"}
     assert found["chatter"] == ["one", "two", "Zürich ☃"]
     assert found["pose"]["header"]["frame_id"] == "map"
