@@ -76,7 +76,6 @@ class TaskAction:
         self._dropping: set[asyncio.Future[None]] = set()
         """Asyncio tasks that drop the tasks of goals that were given up."""
         self._is_closed = False
-        manager.change_feed.add_listener(self._on_change)
         self._server: ActionServer = node.create_action_server(
             self._type,
             f"{name}/execute",
@@ -85,6 +84,7 @@ class TaskAction:
             cancel=self._cancel,
             concurrency=_GOALS,
         )
+        manager.change_feed.add_listener(self._on_change)
 
     def close(self) -> None:
         """End all goals, and accept no more; the tasks stay with the manager."""

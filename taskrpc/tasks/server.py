@@ -15,6 +15,7 @@ from taskrpc.callinfo import current_call
 from taskrpc.errors import (
     Code,
     HandlerError,
+    NameInUse,
     OutcomeUnknown,
     StoreError,
     TaskRpcError,
@@ -133,8 +134,7 @@ class OfferedTasks:
             for name in self._names:
                 self._offer(name, join=name in self._join)
             self._topics = TaskTopics(self._node, self.manager, self._messages, self._topics_name)
-            # Its goals live in this process: in a fleet it has the name of the robot.
-            self._action = TaskAction(self._node, self.manager, self._topics_name, self._started)
+            self._offer_action()
             if fresh:
                 await self._forget_all()
             resumed = await self.manager.start()
@@ -148,6 +148,18 @@ class OfferedTasks:
         self._started.set()
         self._opened()
         return resumed
+
+    def _offer_action(self) -> None:
+        """Offer the tasks as an action, unless a server that this one joins offers it.
+
+        Its goals live in this process: in a fleet, the action has the name of the robot.
+        """
+        try:
+            self._action = TaskAction(self._node, self.manager, self._topics_name, self._started)
+        except NameInUse:
+            if not self._join:
+                raise
+            _log.info("another server of this name offers the action; this one only the services")
 
     async def _forget_all(self) -> None:
         """Forget the tasks of earlier servers. Raises StoreError."""

@@ -193,3 +193,17 @@ async def test_a_task_whose_goal_is_given_up_while_it_is_stored_is_cancelled(lab
     with pytest.raises(taskrpc.DeadlineExceeded):
         await lab.client.send_goal(move(50), timeout=1)
     await until(lambda: lab.task(1).state is TaskState.CANCELED, WAITS)
+
+
+async def test_of_two_servers_that_join_only_the_first_offers_the_action():
+    async with (
+        taskrpc.Node("first", transport="memory", listen="first") as first,
+        TaskServer(first, LineRobot(), MemoryStore(), join=True),
+        taskrpc.Node("second", transport="memory", listen="second") as second,
+        TaskServer(second, LineRobot(), MemoryStore(), join=True) as joined,
+        taskrpc.Node("alice", transport="memory", listen="alice") as caller,
+    ):
+        client = caller.create_action_client(ExecuteTask, "/robot_task/execute")
+        handle = await client.send_goal(move(3))
+        assert (await handle.result()).state == "SUCCEEDED"
+        assert joined.manager.repository.find(1) is None
