@@ -68,7 +68,11 @@ class Publisher(Generic[MsgT]):
         message: Any = from_cdr(self.msg_type, msg) if isinstance(msg, bytes) else msg
         if not isinstance(message, self.msg_type):
             raise TypeError(f"Expected {self.msg_type}, got {type(message)}")
-        self._native.publish(detached(message))
+        self.publish_own(detached(message))
+
+    def publish_own(self, message: MsgT) -> None:
+        """Send a message that the program does not know, so that no copy is needed."""
+        self._native.publish(message)
 
     def get_subscription_count(self) -> int:
         """How many subscriptions match."""

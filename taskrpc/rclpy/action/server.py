@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 import traceback
@@ -44,6 +45,10 @@ ResultT = TypeVar("ResultT")
 FeedbackT = TypeVar("FeedbackT")
 
 _NANOSECOND = 1e-9
+_NEVER = float("inf")
+_MANY_GOALS, _STATUS_EVERY = 30, 0.1
+"""With more goals than this, the status is published at most once in so many seconds: the message
+lists all goals."""
 
 
 class GoalResponse(Enum):
@@ -247,6 +252,8 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         self._result_futures: dict[bytes, Future[Any]] = {}
         self._awaiting: dict[RequestHeader, None] = {}
         """The requests for results of goals that have not ended."""
+        self._status_at, self._status_due = -_NEVER, _NEVER
+        """When the status was published, and when a status that was put off is due."""
         self._messages = messages = ActionMessages(action_type)
         profiles = Profiles(
             goal_service_qos_profile,
@@ -418,8 +425,16 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             self.notify_goal_done()
 
     def _publish_status(self) -> None:
+        """Publish the states of all goals; of many goals at most once in `_STATUS_EVERY`."""
         with self._lock:
-            if self._handle.valid:
+            if not self._handle.valid:
+                return
+            now = time.monotonic()
+            if len(self._ledger) > _MANY_GOALS and now < self._status_at + _STATUS_EVERY:
+                self._status_due = self._status_at + _STATUS_EVERY
+                self.notify_executor()
+            else:
+                self._status_at, self._status_due = now, _NEVER
                 self._parts.publish_status(self._ledger.accepted.values())
 
     async def _execute_goal(
@@ -509,7 +524,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
 
     def has_work(self) -> bool:
         """Whether a request waits to be taken, or a result has expired."""
-        return self._parts.has_work() or self._expires_in() <= 0
+        return self._parts.has_work() or self._due_in() <= 0
 
     def is_ready(self, wait_set: Any) -> bool:
         """Whether a request waits to be taken, or a result has expired."""
@@ -519,8 +534,8 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         """The time until a result expires; 0 if a request waits, None without a result."""
         if self._parts.has_work():
             return 0
-        left = self._expires_in()
-        return None if left == _NEVER else max(0, int(left / _NANOSECOND))
+        left = self._due_in()
+        return None if left == _NEVER else max(0, math.ceil(left / _NANOSECOND))
 
     def take_data(self) -> list[Callable[[], Any]]:
         """Take one request of each kind; returns the functions that handle them."""
@@ -528,8 +543,8 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         taken: list[Callable[[], Any]] = [
             partial(self._handle_request, one) for one in self._parts.take()
         ]
-        if self._expires_in() <= 0:
-            taken.append(self._expire)
+        if self._due_in() <= 0:
+            taken.append(self._on_time)
         return taken
 
     async def execute(self, taken_data: list[Callable[[], Any]]) -> None:
@@ -543,13 +558,17 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         """How many services and timers it consists of."""
         return NumberOfEntities(num_timers=1, num_services=3)
 
-    def _expires_in(self) -> float:
-        """Seconds until the next result expires."""
+    def _due_in(self) -> float:
+        """Seconds until a result expires, or until a status that was put off is due."""
         expiry = self._ledger.next_expiry
-        return _NEVER if expiry is None else expiry - time.monotonic()
+        due = self._status_due if expiry is None else min(expiry, self._status_due)
+        return due - time.monotonic()
 
-    def _expire(self) -> None:
+    def _on_time(self) -> None:
+        """Publish a status that was put off, and forget the results that have expired."""
         with self._lock:
+            if self._status_due <= time.monotonic():
+                self._publish_status()
             self._ledger.expire(time.monotonic())
             # The ledger also forgets results when it has too many.
             for key in [key for key in self._goal_handles if self._ledger.find(key) is None]:
@@ -557,7 +576,6 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
                 self._result_futures.pop(key, None)
 
 
-_NEVER = float("inf")
 _EXECUTING = (None, default_handle_accepted_callback)
 """The callbacks for accepted goals that need an execute callback."""
 

@@ -6,6 +6,7 @@ import pytest
 
 from taskrpc.errors import HandlerFailed, NameInUse
 from taskrpc.rclpy.action import ActionServer, CancelResponse, GoalResponse
+from taskrpc.rclpy.action import server as server_module
 from taskrpc.rclpy.action.server import ServerGoalHandle
 from taskrpc.rclpy.callback_groups import ReentrantCallbackGroup
 from taskrpc.rclpy.exceptions import RCLError
@@ -252,6 +253,22 @@ def test_a_late_client_learns_the_states_of_all_goals():
         pair.world.spin_until(lambda: messages)
         states = [(one.goal_info.goal_id, one.status) for one in messages[-1].status_list]
         assert states == [(goal, GoalStatus.STATUS_ACCEPTED) for goal in goals]
+
+
+def test_the_status_of_many_goals_is_published_less_often(monkeypatch):
+    monkeypatch.setattr(server_module, "_MANY_GOALS", 1)
+    monkeypatch.setattr(server_module, "_STATUS_EVERY", 600)
+    with action(handle_accepted_callback=later) as pair:
+        published = []
+        publish = lambda goals: published.append(len(goals))  # noqa: E731
+        monkeypatch.setattr(pair.server._parts, "publish_status", publish)
+        for number in range(4):
+            pair.send(order(number))
+        assert published == [1]
+        monkeypatch.setattr(server_module, "_STATUS_EVERY", 0)
+        pair.server._status_due = 0.0
+        pair.world.spin_until(lambda: published == [1, 4])
+        assert pair.server.nanoseconds_until_due() is None
 
 
 def test_goals_run_in_parallel_in_a_pool():

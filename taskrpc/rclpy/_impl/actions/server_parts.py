@@ -99,7 +99,7 @@ class ServerParts:
 
     def publish_status(self, goals: Iterable[GoalRecord]) -> None:
         """Publish the states of goals."""
-        self._status.publish(self._messages.statuses(goals))
+        self._status.publish_own(self._messages.statuses(goals))
 
     def publish_feedback(self, goal_id: Any, feedback: Any) -> None:
         """Publish the feedback of a goal."""
