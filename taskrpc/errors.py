@@ -215,7 +215,7 @@ class GoalRejected(GoalFailed):
 
 
 class GoalAborted(GoalFailed):
-    """The action server gave the goal up, or its callback raised."""
+    """The action server ended the goal without completing it, or its callback raised."""
 
     not_executed = False
 

@@ -13,9 +13,10 @@ SECONDS = float(sys.argv[1]) if len(sys.argv) > 1 else 0.5
 LONGEST = 20
 
 
-def accept(goal: Any) -> bool:
-    if goal.order > LONGEST:
-        raise taskrpc.HandlerError("OUT_OF_RANGE", f"at most {LONGEST} numbers, not {goal.order}")
+def accept(request: Any) -> bool:
+    if request.order > LONGEST:
+        problem = f"at most {LONGEST} numbers, not {request.order}"
+        raise taskrpc.HandlerError("OUT_OF_RANGE", problem)
     return True
 
 

@@ -43,19 +43,22 @@ if TYPE_CHECKING:
 FEEDBACK_DEPTH = 16
 """Feedback messages of one goal that are kept for a program that reads slowly."""
 WAITING_CALLS = 8
-"""Calls of one client that wait for results. The results of more goals are fetched when the status
-says that the goal has ended: calls that wait take places of the calls in flight."""
+"""Goals of one client for each of which a call waits for the result. A waiting call is a call in
+flight, and their number is limited. So the client fetches the results of further goals only when
+the status topic reports that the goal has ended."""
 FEEDBACK_PATIENCE = 1.0
-"""Seconds for which a goal waits until its feedback can be received."""
+"""Seconds for which `send_goal` waits for the topics of feedback and status. Then it sends the
+goal, and the first feedback may be lost."""
 LATE_FEEDBACK = 0.05
-"""Seconds after the result in which feedback still arrives: over a middleware, feedback and result
-take different ways."""
+"""Seconds after the result in which feedback still arrives: over a middleware, a result
+can overtake feedback."""
 RECONNECTS = (0.0, 0.1, 0.2, 0.4, 0.8)
 """Seconds before each new attempt to wait for a result after a lost connection."""
 STEADY = 1.0
-"""Seconds after which a call that waited for a result no longer counts as such an attempt."""
+"""If a call waited for a result for more seconds than this, the connection was good, and the
+attempts count from the first again."""
 CANCEL_TIMEOUT = 5.0
-"""Seconds for cancelling a goal that the program has given up."""
+"""Timeout in seconds of a request that cancels a goal whose `send_goal` ended early."""
 
 _IN_DOUBT = asyncio.CancelledError, DeadlineExceeded, ConnectionLost
 """Errors of `send_goal` after which the server may execute the goal."""
@@ -121,10 +124,11 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         self._handles: dict[bytes, GoalHandle[Any, Any]] = {}
         """The goals that have not ended."""
         self._tasks: set[asyncio.Task[None]] = set()
-        """Tasks that fetch results and cancel goals that were given up."""
+        """Tasks that fetch results, and tasks that cancel goals whose `send_goal` ended early."""
         self._free_places = WAITING_CALLS
         self._queue: dict[bytes, asyncio.Future[bool]] = {}
-        """The goals that have no place to wait for their result: True gives them one."""
+        """The goals without a call that waits for the result. The future becomes True when such a
+        call may begin, and False when the goal has ended."""
         self._destroyed = False
 
     def server_is_ready(self) -> bool:
@@ -149,11 +153,12 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
 
         `timeout` is in seconds and covers finding the server and its decision, not the execution.
         If the response is lost, the client repeats the request; the server executes the goal once.
-        `goal_id` (a UUID) lets another program, or this one after a restart, repeat the request: if
-        the server knows the id, it executes nothing and the handle is that of the known goal.
+        With `goal_id` (a UUID), another program, or this one after a restart, can repeat the
+        request: if the server knows the id, it executes nothing, and the caller gets a handle of
+        the goal that has this id.
 
-        If the wait ends early, by the timeout or by a cancelled task, the client cancels the goal,
-        unless it has a `goal_id`.
+        If the timeout passes or the waiting task is cancelled, the client cancels the goal, unless
+        the caller has given a `goal_id`.
 
         Raises:
             GoalRejected: the server did not accept the goal.
@@ -192,7 +197,7 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         return handle
 
     def _handle(self, key: bytes) -> GoalHandle[Any, Any]:
-        """Return the handle of a goal for one more request; requests of one id share a handle."""
+        """Return the handle for a request to send a goal; requests with the same id share it."""
         handle = self._handles.get(key)
         if handle is None:
             handle = GoalHandle(key, self.action_name, self._depth, self._cancel_goal)
@@ -261,7 +266,7 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         return response.return_code == CancelCode.NONE and key in accepted
 
     async def _give_up(self, key: bytes) -> None:
-        """Cancel a goal that the server may execute and that the program does not know of."""
+        """Cancel a goal that the server may execute although `send_goal` has raised an error."""
         with contextlib.suppress(TaskRpcError):
             await self._cancel_goal(key, CANCEL_TIMEOUT)
 

@@ -14,7 +14,7 @@ from taskrpc.message_types import FeedbackT, ResultT
 
 
 class Feedback(Generic[FeedbackT]):
-    """The feedback of one goal: `async for feedback in handle.feedback`; it ends with the goal.
+    """The feedback of one goal, for `async for`; the loop ends when the goal ends.
 
     It keeps the newest `depth` messages that the program has not read, and drops older ones.
     """
@@ -85,17 +85,17 @@ class GoalHandle(Generic[ResultT, FeedbackT]):
 
     @property
     def state(self) -> GoalState:
-        """Where the goal stands, as far as the client knows."""
+        """The last state of the goal that the client knows."""
         return self._state
 
     async def result(self, timeout: float | None = None) -> ResultT:
         """Wait until the goal has ended, and return its result; it may be called repeatedly.
 
-        Without `timeout` (seconds), it waits without limit. The end of the wait, by the timeout or
-        by a cancelled task, does not end the goal.
+        Without `timeout` (seconds), it waits without limit. The goal continues if the timeout
+        passes or the waiting task is cancelled.
 
         Raises:
-            GoalAborted: the server gave the goal up, or its callback raised.
+            GoalAborted: the server ended the goal without completing it, or its callback raised.
             GoalCanceled: the goal was cancelled.
             DeadlineExceeded: the goal has not ended in time; it continues.
             OutcomeUnknown: the server ended, or no longer has the result.
@@ -117,10 +117,10 @@ class GoalHandle(Generic[ResultT, FeedbackT]):
         raise GoalAborted(Code.ABORTED, f"{which} was aborted", result)
 
     async def cancel(self, timeout: float | Unset | None = UNSET) -> bool:
-        """Cancel the goal; return whether the server accepts this.
+        """Ask the server to cancel the goal; return whether it agrees.
 
-        The goal has then not ended yet: `result()` waits for its end. False means that the goal has
-        ended already, or that the server refuses. Raises the errors of `Client.call`.
+        True: the goal ends soon; `result()` waits for the end. False: the goal has ended already,
+        or the server refuses. Raises the errors of `Client.call`.
         """
         return await self._cancel(self._goal_id, timeout)
 

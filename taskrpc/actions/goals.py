@@ -161,7 +161,7 @@ class CancelableGoal(Protocol):
 
     @property
     def state(self) -> GoalState:
-        """Where it stands."""
+        """Its state."""
 
 
 _Goal = TypeVar("_Goal", bound=CancelableGoal)
@@ -171,10 +171,11 @@ _NO_ID = bytes(16)
 def goals_to_cancel(
     goals: Mapping[bytes, _Goal], goal_id: bytes, stamp: int
 ) -> tuple[CancelCode, list[_Goal]]:
-    """Return the goals that a request of `CancelGoal` means, and the return code if it has none.
+    """Return the goals that a `CancelGoal` request selects, and a code if it selects none.
 
-    An id alone means this goal. A stamp means all goals that were accepted until then; with an id,
-    this goal too. Neither means all goals. Only goals that can be cancelled are returned.
+    An id without a stamp selects the goal with this id. A stamp selects all goals that were
+    accepted until then, and the goal with the id if there is one. Without both, it selects all
+    goals. Goals that cannot be cancelled are left out.
     """
     if goal_id != _NO_ID and not stamp:
         named = goals.get(goal_id)

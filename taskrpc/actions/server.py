@@ -49,9 +49,9 @@ log = logging.getLogger("taskrpc.server")
 KEEP_RESULTS = 900.0
 """Seconds for which a server keeps the result of a goal: 15 minutes."""
 MOST_WAITING = 1024
-"""Accepted goals that may wait until others have ended; more are rejected."""
+"""Accepted goals that may wait for other goals to end; the server rejects further goals."""
 CANCELS = 64
-"""Requests to cancel that the program may decide on at the same time."""
+"""Requests to cancel whose `cancel` callbacks may run at the same time."""
 MANY_GOALS, STATUS_EVERY = 30, 0.1
 """With more goals than this, the status is published at most once in so many seconds: the message
 lists all goals."""
@@ -129,7 +129,7 @@ class ActionServer:
         self._encode_result = codec_of(messages.result).encode
         self._ledger = GoalLedger(result_timeout)
         self._deciding: dict[bytes, asyncio.Future[None]] = {}
-        """Goals for which the program has not said whether it accepts them."""
+        """Goals whose `goal` callback has not decided yet."""
         self._goals: dict[bytes, ServerGoal[Any, Any, Any]] = {}
         """The goals that have not ended."""
         self._waiting: dict[bytes, ServerGoal[Any, Any, Any]] = {}
@@ -148,8 +148,9 @@ class ActionServer:
         """The three services; they end with the action server and not before."""
         names = names_of(action_name)
         try:
-            # Repeated after a lost response, `send_goal` must return the first decision. A server
-            # that replaces this one must not execute the goal again: only the store's id tells.
+            # A request that is repeated after a lost response must get the first decision. By the
+            # store's id, a client notices that a new server has replaced this one; it then does
+            # not repeat the request, so the new server does not execute the goal again.
             self.services.append(
                 node.create_service(
                     messages.send_goal,
@@ -199,7 +200,7 @@ class ActionServer:
         error = HandlerFailed(Code.UNAVAILABLE, "the action server ended before the goal began")
         for goal in list(self._waiting.values()):
             del self._waiting[goal._record.goal_id]
-            goal._record.change(GoalEvent.EXECUTE)  # no other way leads to ABORTED
+            goal._record.change(GoalEvent.EXECUTE)  # only a goal that executes can be ABORTED
             self._end(goal, GoalEvent.ABORT, None, error)
         self._finish_if_idle()
 
@@ -211,7 +212,7 @@ class ActionServer:
         self.destroy()
         for goal in list(self._goals.values()):
             if goal.state.is_cancelable:
-                goal._record.change(GoalEvent.CANCEL_GOAL)  # a thread can see it and stop
+                goal._record.change(GoalEvent.CANCEL_GOAL)  # so a callback in a thread can stop
         for job in list(self._jobs.values()):
             if job is not None and job is not asyncio.current_task():
                 job.cancel()
@@ -231,7 +232,7 @@ class ActionServer:
             messages.feedback(goal_id=messages.goal_id(goal.goal_id), feedback=feedback)
         )
 
-    # The services. A foreign caller gets no errors, so it gets the answers of ROS instead.
+    # The services. A foreign caller cannot receive errors; it gets the responses that ROS defines.
 
     async def _send_goal(self, request: Any, response: Any) -> Any:
         goal_id = bytes_of(request.goal_id)
@@ -257,11 +258,11 @@ class ActionServer:
         return response
 
     def _refusal(self) -> HandlerError | None:
-        """Return why the server takes no goal now, whatever it is."""
+        """Return the error with which the server rejects all goals now; None if it accepts some."""
         if self._destroyed:
             return HandlerError(Code.UNAVAILABLE, "the action server is ending")
         if len(self._waiting) >= MOST_WAITING:
-            text = f"{len(self._waiting)} goals of {self.action_name} wait already"
+            text = f"{len(self._waiting)} goals of {self.action_name} wait already; try again later"
             return HandlerError(Code.RESOURCE_EXHAUSTED, text)
         return None
 
@@ -415,7 +416,7 @@ class ActionServer:
 
     def _job_done(self, goal: ServerGoal[Any, Any, Any], job: asyncio.Future[Any]) -> None:
         if not job.cancelled():
-            job.exception()  # an abandoned callback may have raised; nobody can be told
+            job.exception()  # marks it as retrieved: no client waits for the error
         elif goal.state.is_active and not self._is_abandoned:  # cancelled before its first step
             self._ended(goal, GoalEvent.ABORT, None, None)
 
@@ -431,7 +432,7 @@ class ActionServer:
             raise ValueError(f"the result cannot be sent: {error}") from None
 
     def _failure(self, goal_id: bytes, error: BaseException) -> HandlerFailed:
-        """Return what clients learn about an exception of the program; the log gets all of it."""
+        """Return the error for clients after an exception of a callback; log the traceback."""
         if isinstance(error, HandlerError):
             return HandlerFailed(error.code, str(error.message))
         excepthook.explain(error)

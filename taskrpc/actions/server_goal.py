@@ -39,7 +39,7 @@ class ServerGoal(Generic[GoalT, ResultT, FeedbackT]):
 
     @property
     def state(self) -> GoalState:
-        """Where the goal stands."""
+        """The state of the goal."""
         return self._record.state
 
     @property

@@ -19,7 +19,7 @@ from types import MappingProxyType
 
 
 class GoalState(IntEnum):
-    """Where a goal stands; the numbers are those of `action_msgs/msg/GoalStatus`."""
+    """The state of a goal; the numbers are those of `action_msgs/msg/GoalStatus`."""
 
     UNKNOWN = 0
     """The server has no goal of this id: it never accepted it, or no longer keeps its result."""

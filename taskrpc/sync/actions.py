@@ -59,12 +59,12 @@ class GoalHandle(Generic[ResultT, FeedbackT]):
 
     @property
     def feedback(self) -> Feedback[FeedbackT]:
-        """The goal's feedback, for `for`; each message is read once."""
+        """The goal's feedback, for a `for` loop; a second loop does not get the same messages."""
         return Feedback(self._loop, self._inner.feedback)
 
     @property
     def state(self) -> GoalState:
-        """Where the goal stands, as far as the client knows."""
+        """The last state of the goal that the client knows."""
         return self._inner.state
 
     def result(self, timeout: float | None = None) -> ResultT:
@@ -72,12 +72,12 @@ class GoalHandle(Generic[ResultT, FeedbackT]):
         return self._loop.run(self._inner.result(timeout), "result()")
 
     def cancel(self, timeout: float | Unset | None = UNSET) -> bool:
-        """Cancel the goal; return whether the server accepts this."""
+        """Ask the server to cancel the goal; return whether it agrees."""
         return self._loop.run(self._inner.cancel(timeout), "cancel()")
 
 
 class Feedback(Generic[FeedbackT]):
-    """The feedback of one goal: `for feedback in handle.feedback`; it ends with the goal."""
+    """The feedback of one goal, for a `for` loop; the loop ends when the goal ends."""
 
     def __init__(self, loop: LoopThread, inner: _goal_handle.Feedback[FeedbackT]) -> None:
         self._loop = loop

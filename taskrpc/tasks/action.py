@@ -1,7 +1,7 @@
 """The robot's tasks as an action: a goal is a task, its feedback is the task's progress.
 
-The goal is queued, and cancelled, by the same manager as a task of the service. So both ways have
-the same order, the same refusals and the same store.
+The same manager queues and cancels the tasks of goals and the tasks of the service. So both have
+one order, the same reasons for rejection and one store.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ class TaskAction:
         self._cancelled_by: dict[str, str] = {}
         """The client that cancelled a goal."""
         self._dropping: set[asyncio.Future[None]] = set()
-        """Asyncio tasks that drop the tasks of goals that were given up."""
+        """Asyncio tasks that drop the tasks of goals whose client stopped waiting."""
         self._is_closed = False
         self._server: ActionServer = node.create_action_server(
             self._type,
@@ -127,7 +127,7 @@ class TaskAction:
         return True
 
     async def _drop(self, submitting: asyncio.Future[TaskResponse], client: str) -> None:
-        """Drop a task whose goal was given up while the task was being stored."""
+        """Drop a task whose client stopped waiting while the task was being stored."""
         with contextlib.suppress(TaskRpcError):
             response = await submitting
             if response.success:
