@@ -40,6 +40,12 @@ rclpy.shutdown()
 """
 
 ECHO = "from tf2_ros.tf2_echo import main\nmain()\n"
+MONITOR = """
+from tf2_ros import tf2_monitor
+
+tf2_monitor._REPORTS_EVERY = 1  # half a second instead of ten
+tf2_monitor.main()
+"""
 
 BROADCASTER = """
 import math
@@ -263,16 +269,22 @@ thread.join()
 """
 
 
-def test_echo_prints_a_static_transform_that_was_sent_before(ros):
+def test_echo_and_monitor_find_a_static_transform_that_was_sent_before(ros):
     sender = ros(STATIC_BROADCASTER, "shelf", 0, 0, 1, 0, 0, 0.5, name="sender.py")
     sender.wait_for("sent")
     echo = ros(ECHO, "world", "shelf", 20, name="echo.py")
+    monitor = ros(MONITOR, "world", "shelf", name="monitor.py")
     echo.wait_for("At time", times=2)
     assert echo.interrupt() == 0
     assert "- Translation: [0.000, 0.000, 1.000]\n" in echo.out
     assert "- Rotation: in Quaternion (xyzw) [0.000, 0.000, 0.247, 0.969]\n" in echo.out
     assert "- Rotation: in RPY (radian) [0.000, -0.000, 0.500]\n" in echo.out
     assert "[tf2_echo]: Waiting for transform world ->  shelf: Invalid frame ID" in echo.err
+    monitor.wait_for("Node: <no authority available>")
+    assert monitor.interrupt() == 0
+    assert "Gathering data on world -> shelf for 10 seconds...\n" in monitor.out
+    assert "\n\n\nRESULTS: for world to shelf\nChain is: world -> shelf\nNet" in monitor.out
+    assert "\nFrame: shelf, published by <no authority available>, Average" in monitor.out
     assert sender.interrupt() == 0
 
 

@@ -3,6 +3,8 @@
 import math
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 HALF = math.sqrt(0.5)
 
@@ -56,6 +58,20 @@ def test_wrong_lines_have_the_errors_of_ros(parse, line, text):
     with pytest.raises(ValueError) as caught:  # noqa: PT011 - the text is compared below
         parse(line)
     assert str(caught.value) == text
+
+
+words = st.sampled_from("--x --qw --yaw --frame-id --child-frame-id -h 1 nan far a".split())
+
+
+@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(words, max_size=10))
+def test_any_line_gives_a_transform_or_one_line_of_explanation(parse, line):
+    try:
+        found = parse(" ".join(line))
+    except ValueError as error:
+        found = str(error)
+        assert "\n" not in found
+    assert found or "-h" in line
 
 
 def test_program_prints_usage_and_errors(ros, capfd):

@@ -1,6 +1,7 @@
 """The graph that view_frames writes."""
 
 import importlib
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -25,6 +26,43 @@ def test_graph_has_the_format_of_ros(generate_dot):
         '"Recorded at time: 12.5"[ shape=plaintext ] ;\n'
         '}->"base_link";\n}'
     )
+
+
+@pytest.mark.parametrize(
+    ("dot", "said"),
+    [
+        (
+            FileNotFoundError(),
+            "tree.pdf was not written, because graphviz (the command dot) is not",
+        ),
+        (None, "Exporting graph in tree.pdf file..."),
+    ],
+)
+def test_graph_is_written_with_and_without_graphviz(ros_names, tmp_path, monkeypatch, dot, said):
+    module = importlib.import_module("tf2_tools.view_frames")
+    called, lines = [], []
+
+    def run(command, check):
+        called.append(command)
+        if dot is not None:
+            raise dot
+
+    logger = SimpleNamespace(info=lines.append, warning=lines.append)
+    clock = SimpleNamespace(now=lambda: SimpleNamespace(seconds_nanoseconds=lambda: (1, 0)))
+    node = SimpleNamespace(get_logger=lambda: logger, get_clock=lambda: clock)
+    monkeypatch.setattr(module.subprocess, "run", run)
+    monkeypatch.setattr(
+        module, "Buffer", lambda node: SimpleNamespace(all_frames_as_yaml=lambda: "[]")
+    )
+    monkeypatch.setattr(
+        module, "TransformListener", lambda *_, **__: SimpleNamespace(unregister=lambda: None)
+    )
+    monkeypatch.chdir(tmp_path)
+    module._view(node, module._parser().parse_args(["-t", "0", "-o", "tree"]))
+    assert called == [["dot", "-Tpdf", "tree.gv", "-o", "tree.pdf"]]
+    assert "No tf data received" in (tmp_path / "tree.gv").read_text()
+    assert lines[0] == "Listening to tf data for 0.0 seconds..."
+    assert lines[-1].startswith(said)
 
 
 def test_graph_without_frames_or_root(generate_dot):
