@@ -51,7 +51,6 @@ _REPOSITORIES = {
     "irobot_create_msgs": "https://github.com/iRobotEducation/irobot_create_msgs",
     "mavros_msgs": "https://github.com/mavlink/mavros",
     "px4_msgs": "https://github.com/PX4/px4_msgs",
-    "rmf_building_map_msgs": "https://github.com/open-rmf/rmf_building_map_msgs",
     "rmf_fleet_msgs": "https://github.com/open-rmf/rmf_internal_msgs",
     "slam_toolbox": "https://github.com/SteveMacenski/slam_toolbox",
     "velodyne_msgs": "https://github.com/ros-drivers/velodyne",
