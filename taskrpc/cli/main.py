@@ -40,6 +40,7 @@ _GROUPS = {
         "view": "Open the live page of the task server, or a recording, in the browser",
         "bag": "Record topics and calls, and play them again",
         "run": "Run a ROS 2 program without ROS",
+        "launch": "Run a launch file, which starts several programs together",
         "bridge": "Connect browsers and programs that do not use taskrpc",
         "router": "Run a router of Zenoh for programs that use this transport",
         "demo": "Watch a task server, three clients and a robot at work",
@@ -74,7 +75,6 @@ _OLD_NAMES = {"alias": ("shell", "configure_alias"), "leave": ("join", "configur
 """Old names of commands: they still work, and no help page shows them."""
 
 _ELSEWHERE = {
-    "launch": "start each program with its own taskrpc run",
     "lifecycle": "call the node's services, such as /NODE/change_state, with taskrpc service call",
     "component": "start each node with its own taskrpc run",
     "control": "there is no controller manager",

@@ -22,6 +22,8 @@ def configure(parser: ArgumentParser) -> None:
     parser.add_argument("--prefix", metavar="COMMAND", help=what)
     what = "behave exactly like ROS 2, even where a program then hangs"
     parser.add_argument("--like-ros", action="store_true", help=what)
+    what = "search the package in the workspace of this folder, too"
+    parser.add_argument("--workspace", metavar="FOLDER", help=what)
     what = "run a module, as python -m, with its own arguments"
     parser.add_argument("-m", metavar="MODULE", dest="module", nargs=REMAINDER, help=what)
     what = "run Python code, as python -c, with its own arguments"
@@ -56,7 +58,7 @@ def _run(options: Namespace) -> int:
         options.parser.error(
             "expected a script, a package and its executable, -m and a module, or -c and code"
         )
-    return _run_named(*options.rest)
+    return _run_named(options.workspace, *options.rest)
 
 
 def _run_behind(options: Namespace) -> int:
@@ -77,6 +79,8 @@ def _run_behind(options: Namespace) -> int:
     except ValueError as error:
         raise UsageError(f"--prefix: expected a command, got {options.prefix}: {error}") from None
     program = options.rest
+    if options.workspace:
+        program = ["--workspace", options.workspace, *program]
     if options.module:
         program = ["-m", *options.module]
     elif options.code:
@@ -91,7 +95,7 @@ def _run_behind(options: Namespace) -> int:
                 continue
 
 
-def _run_named(program: str, *arguments: str) -> int:
+def _run_named(workspace: str | None, program: str, *arguments: str) -> int:
     from pathlib import Path
 
     from taskrpc.cli.shared.command import hinted
@@ -105,4 +109,4 @@ def _run_named(program: str, *arguments: str) -> int:
         problem = "No such file or directory; for a package, name its executable"
         raise hinted(TaskRpcError(f"cannot run {program}: {problem}"), similar_script(path))
     executable, *rest = arguments
-    return run_executable(program, executable, rest)
+    return run_executable(program, executable, rest, None if workspace is None else Path(workspace))

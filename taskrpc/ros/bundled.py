@@ -28,6 +28,13 @@ EXECUTABLES = {
         "draw_square": "taskrpc.turtlesim.draw_square:main",
         "mimic": "taskrpc.turtlesim.mimic:main",
     },
+    # The tutorials start these programs in C++; the ones in Python say and do the same.
+    "demo_nodes_cpp": {
+        "talker": "demo_nodes_py.topics.talker:main",
+        "listener": "demo_nodes_py.topics.listener:main",
+        "add_two_ints_server": "demo_nodes_py.services.add_two_ints_server:main",
+        "add_two_ints_client": "demo_nodes_py.services.add_two_ints_client:main",
+    },
 }
 """The executables by package, each with its `module:function`."""
 

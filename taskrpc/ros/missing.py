@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 else:  # slow to import, and not needed
     MetaPathFinder = object
 
-_LAUNCH = "there are no launch files; start each program separately, with `taskrpc run`"
+_TESTS = "start the programs in a test with `taskrpc.testing`, or with `subprocess`"
 _COMMANDS = "use `taskrpc service`, `topic`, `node`, `param` and `interface`"
 _CHECKS = "it checks a package's style, in `colcon test` on a real ROS 2"
 _NONE = "only a real ROS 2 has it"
@@ -27,7 +27,7 @@ _MOVEIT = "MoveIt runs only on a real ROS 2; its interfaces in `moveit_msgs` exi
 _BAGS = "`taskrpc bag` reads and converts recordings"
 
 _PYTHON = {
-    **dict.fromkeys("launch launch_ros launch_xml launch_yaml launch_testing".split(), _LAUNCH),
+    **dict.fromkeys("launch_testing launch_testing_ros launch_pytest".split(), _TESTS),
     "image_geometry": _CAMERAS,
     "interactive_markers": _MARKERS,
     "nav2_simple_commander": _NAV2,

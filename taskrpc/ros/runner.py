@@ -78,14 +78,18 @@ def run_module(name: str, arguments: Sequence[str]) -> int:
     return _ended(lambda: runpy.run_module(name, run_name="__main__", alter_sys=True))
 
 
-def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
+def run_executable(
+    package: str, name: str, arguments: Sequence[str], start: Path | None = None
+) -> int:
     """Run an executable of a package in the workspace or in taskrpc, as `ros2 run` does.
 
-    Returns as `run_script` does. Raises TaskRpcError if there is no such package or executable.
+    The workspace is that of the working directory, and that of the folder `start`. Returns as
+    `run_script` does. Raises TaskRpcError if there is no such package or executable.
     """
     from taskrpc.ros import bundled, installed  # only this function needs them
 
-    folder = workspace.packages(Path.cwd()).get(package)
+    starts = [Path.cwd()] if start is None else [Path.cwd(), start]
+    folder = workspace.packages(*starts).get(package)
     if folder is None and package in bundled.EXECUTABLES:
         return _run_bundled(package, bundled.EXECUTABLES[package], name, arguments)
     if folder is None:

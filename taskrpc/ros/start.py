@@ -18,8 +18,6 @@ _MANIFESTS = ("package.xml", "setup.py")
 _NAMES = (
     "rclpy",
     # Missing packages, whose import the hook explains.
-    "launch",
-    "launch_ros",
     "tf2_ros",
 )
 

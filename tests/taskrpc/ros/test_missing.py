@@ -28,8 +28,8 @@ def hooked(tmp_path, monkeypatch):
     ("name", "said"),
     [
         (
-            "launch",
-            "it is a package of ROS 2 that taskrpc does not have: there are no launch files;",
+            "launch_testing",
+            "it is a package of ROS 2 that taskrpc does not have: start the programs in a test",
         ),
         ("ament_flake8.main", "it checks a package's style, in `colcon test` on a real ROS 2"),
         ("image_geometry", "`cv_bridge` and OpenCV exist, but nothing computes with camera models"),
@@ -61,7 +61,7 @@ def test_existing_packages_are_imported():
 
 @pytest.mark.usefixtures("hooked")
 def test_find_spec_finds_none_and_does_not_raise():
-    assert importlib.util.find_spec("launch") is None
+    assert importlib.util.find_spec("launch_testing") is None
     assert importlib.util.find_spec("grocery_interfaces") is None
 
 

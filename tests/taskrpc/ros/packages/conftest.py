@@ -1,5 +1,7 @@
 """The names of ROS packages, for tests of the packages that taskrpc contains."""
 
+import importlib
+import os
 import sys
 
 import pytest
@@ -37,3 +39,41 @@ def ros_names(tmp_path, monkeypatch):
 def _has_ros_name(name):
     top = name.partition(".")[0]
     return top == "rclpy" or top in bundled.packages() or (BUNDLED / top).is_dir()
+
+
+@pytest.fixture
+def launch(ros_names, tmp_path, monkeypatch):
+    """The package `launch`, with its log files in a temporary folder."""
+    package = importlib.import_module("launch")
+    monkeypatch.setattr(package.logging, "_log_root", lambda: tmp_path / "log")
+    before = dict(os.environ)
+    yield package
+    package.logging.launch_config.close()
+    os.environ.clear()
+    os.environ.update(before)
+
+
+@pytest.fixture
+def play(launch, capsys):
+    """Executes entities to their end: the exit code, and the lines on the screen."""
+
+    async def play(*entities, **configurations):
+        service = launch.LaunchService()
+        service.context.launch_configurations.update(configurations)
+        service.include_launch_description(launch.LaunchDescription(entities))
+        code = await service.run_async()
+        return code, capsys.readouterr().out.splitlines()
+
+    return play
+
+
+@pytest.fixture
+def perform(launch):
+    """Computes a substitution, with these launch configurations."""
+
+    def perform(substitution, **configurations):
+        context = launch.LaunchContext()
+        context.launch_configurations.update(configurations)
+        return launch.substitution.perform(context, substitution)
+
+    return perform

@@ -1,0 +1,61 @@
+"""Decides how a package's executable is started here, or why it cannot be."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from srvgen.definitions.names import similar_names
+from taskrpc.errors import TaskRpcError
+from taskrpc.ros import bundled, cmake, installed, workspace
+
+
+class NotHere(TaskRpcError):
+    """The executable needs a real ROS 2."""
+
+
+def run_arguments(package: str, executable: str, starts: Sequence[Path]) -> list[str]:
+    """The arguments of `taskrpc run` that start an executable.
+
+    Args:
+        starts: the folders whose workspaces are searched besides the working directory's.
+
+    Raises NotHere for a program that only a real ROS 2 has, and TaskRpcError for a wrong name.
+    """
+    here = workspace.packages(Path.cwd())
+    packages = {**workspace.packages(*starts), **here}
+    folder = packages.get(package)
+    if folder is not None:
+        _check_executable(package, folder, executable)
+        place = [] if package in here else ["--workspace", str(folder)]
+        return [*place, package, executable]
+    if executable in bundled.EXECUTABLES.get(package, ()):
+        return [package, executable]
+    guesses = similar_names(package, {*packages, *bundled.EXECUTABLES})
+    if guesses and package not in bundled.EXECUTABLES:
+        raise TaskRpcError(f"package '{package}' not found; did you mean {' or '.join(guesses)}?")
+    raise NotHere(f"taskrpc does not have '{executable}' of the package '{package}'")
+
+
+def _check_executable(package: str, folder: Path, executable: str) -> None:
+    names = installed.executables(folder)
+    if executable in names or installed.script(folder, executable) is not None:
+        return
+    if executable in _compiled(folder):
+        raise NotHere(f"'{executable}' of the package '{package}' is a compiled program")
+    has = ", ".join(sorted(names)) or "no executables"
+    raise TaskRpcError(
+        f"executable '{executable}' not found in the package '{package}' at '{folder}';"
+        f" it has {has}"
+    )
+
+
+def _compiled(folder: Path) -> set[str]:
+    """The programs that CMake compiles in a package."""
+    found = set()
+    for command, arguments in cmake.commands(folder):
+        if command in ("add_executable", "ament_auto_add_executable") and arguments:
+            found.add(arguments[0])
+        elif command == "rclcpp_components_register_node":
+            found |= {arguments[n + 1] for n, x in enumerate(arguments[:-1]) if x == "EXECUTABLE"}
+    return found

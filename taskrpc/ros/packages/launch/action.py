@@ -1,0 +1,45 @@
+"""The base class of actions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .conditions import Condition, IfCondition, UnlessCondition
+from .launch_context import LaunchContext
+from .launch_description_entity import LaunchDescriptionEntity
+
+
+class Action(LaunchDescriptionEntity):
+    """Something that a launch file does when its turn comes."""
+
+    def __init__(self, *, condition: Condition | None = None) -> None:
+        self._condition = condition
+
+    @property
+    def condition(self) -> Condition | None:
+        """The condition under which the action is executed."""
+        return self._condition
+
+    @classmethod
+    def parse(cls, entity: Any, parser: Any) -> tuple[type[Any], dict[str, Any]]:
+        """The class and the arguments for an element of an XML or YAML launch file."""
+        wanted = entity.get_attr("if", optional=True)
+        unwanted = entity.get_attr("unless", optional=True)
+        if wanted is not None and unwanted is not None:
+            raise RuntimeError("if and unless conditions can't be used simultaneously")
+        found: dict[str, Any] = {}
+        if wanted is not None:
+            found["condition"] = IfCondition(parser.parse_substitution(wanted))
+        elif unwanted is not None:
+            found["condition"] = UnlessCondition(parser.parse_substitution(unwanted))
+        return cls, found
+
+    def visit(self, context: LaunchContext) -> list[LaunchDescriptionEntity] | None:
+        """Execute the action if its condition holds."""
+        if self._condition is None or self._condition.evaluate(context):
+            return self.execute(context)
+        return None
+
+    def execute(self, context: LaunchContext) -> list[Any] | None:
+        """Do the action's work; returns the entities to visit next."""
+        return None

@@ -1,0 +1,379 @@
+"""The base class of actions that start a program."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import signal
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from taskrpc.platform import reason_of
+from taskrpc.ros.process_tree import ProcessTree
+
+from ..action import Action
+from ..conditions import evaluate_condition_expression
+from ..event import Event
+from ..event_handler import BaseEventHandler
+from ..event_handlers import OnProcessExit
+from ..events.general import Shutdown
+from ..events.process import (
+    ProcessExited,
+    ProcessStarted,
+    ProcessStderr,
+    ProcessStdout,
+    ShutdownProcess,
+    SignalProcess,
+)
+from ..launch_context import LaunchContext
+from ..logging import get_logger, launch_config, output_targets
+from ..some_substitutions_type import SomeSubstitutionsType
+from ..substitution import normalize_to_list_of_substitutions, perform, perform_substitutions
+from ..utilities.type_utils import perform_typed_substitution
+
+_COUNT = "number of programs"
+_STREAMS = {1: "stdout", 2: "stderr"}
+_KINDS = {1: ProcessStdout, 2: ProcessStderr}
+
+
+class PreparedCommand(NamedTuple):
+    """A program that is ready to start."""
+
+    name: str
+    """The program's name without its number, such as `talker`."""
+    command: list[str] | str
+    """The program and its arguments, or a line for the shell."""
+    shown: list[str]
+    """The same for messages and events."""
+    cwd: str | None = None
+    env: Mapping[str, str] | None = None
+
+
+class ExecuteLocal(Action):
+    """Starts a program, shows its output, and ends it when the launch shuts down.
+
+    Subclasses say which program: `prepare_command`.
+
+    Args:
+        sigterm_timeout: seconds after SIGINT until the program gets SIGTERM.
+        sigkill_timeout: seconds after SIGTERM until the program gets SIGKILL.
+        emulate_tty: let the program write to a terminal instead of a pipe.
+        output: where its output goes: `screen`, `log`, `both`, `own_log` or `full`.
+        output_format: the format of a line, with `{line}` and `{this}`.
+        cached_output: keep the output for `get_stdout` and `get_stderr`.
+        log_cmd: print the command before it starts.
+        on_exit: entities to execute when the program has ended, or a function that returns them.
+        respawn: start the program again when it has ended.
+        respawn_delay: seconds until then.
+        respawn_max_retries: how often; -1 for any number.
+    """
+
+    def __init__(
+        self,
+        *,
+        shell: bool = False,
+        sigterm_timeout: SomeSubstitutionsType | None = None,
+        sigkill_timeout: SomeSubstitutionsType | None = None,
+        emulate_tty: Any = False,
+        output: Any = "log",
+        output_format: str = "[{this.final_name}] {line}",
+        cached_output: bool = False,
+        log_cmd: bool = False,
+        on_exit: Any = None,
+        respawn: Any = False,
+        respawn_delay: float | None = None,
+        respawn_max_retries: int = -1,
+        **kwargs: Any,
+    ) -> None:
+        super().__init__(**kwargs)
+        self._shell = shell
+        self._timeouts = (
+            ("sigterm_timeout", sigterm_timeout),
+            ("sigkill_timeout", sigkill_timeout),
+        )
+        self._emulate_tty = emulate_tty
+        self._output = output
+        self._output_format = output_format
+        self._cached_output = cached_output
+        self._log_cmd = log_cmd
+        self._on_exit = on_exit
+        self._respawn = respawn
+        self._respawn_delay = respawn_delay
+        self._retries_left = respawn_max_retries
+        self._details: dict[str, Any] | None = None
+        self._tree: ProcessTree | None = None
+        self._completed: asyncio.Future[None] | None = None
+        self._ends: asyncio.Event = asyncio.Event()
+        """Set when the program must end, or must not start."""
+        self._started = asyncio.Event()
+        """Set when the program has started, or cannot be started."""
+        self._begun: dict[int, bytes] = {}
+        """The line that is not complete yet, by stream."""
+        self._cached: dict[int, list[str]] = {1: [], 2: []}
+        self._tasks: set[asyncio.Task[None]] = set()
+
+    # What subclasses and programs use
+
+    def prepare_command(self, context: LaunchContext) -> PreparedCommand | None:
+        """The program to start; None if there is nothing to start."""
+        raise NotImplementedError
+
+    @property
+    def shell(self) -> bool:
+        """Whether the shell executes the command."""
+        return self._shell
+
+    @property
+    def output(self) -> Any:
+        """Where the output goes."""
+        return self._output
+
+    @property
+    def process_details(self) -> dict[str, Any] | None:
+        """Name, command, working directory, environment and pid; None before the start."""
+        return self._details
+
+    @property
+    def final_name(self) -> str:
+        """The program's name with its number, such as `talker-1`."""
+        return "" if self._details is None else str(self._details["name"])
+
+    @property
+    def return_code(self) -> int | None:
+        """The exit code; None while the program runs, and before."""
+        return None if self._tree is None else self._tree.returncode
+
+    def get_stdout(self) -> str:
+        """The output that was kept; raises RuntimeError without `cached_output`."""
+        return self._kept(1)
+
+    def get_stderr(self) -> str:
+        """The error output that was kept; raises RuntimeError without `cached_output`."""
+        return self._kept(2)
+
+    def _kept(self, stream: int) -> str:
+        if not self._cached_output:
+            raise RuntimeError(
+                f"cached output must be true to be able to get {_STREAMS[stream]},"
+                f" proc '{self.final_name}'"
+            )
+        return "".join(self._cached[stream])
+
+    def get_sub_entities(self) -> list[Any]:
+        """The entities that are executed when the program has ended."""
+        return self._on_exit if isinstance(self._on_exit, list) else []
+
+    def get_asyncio_future(self) -> asyncio.Future[None] | None:
+        """A future that is done when the program has ended for good."""
+        return self._completed
+
+    # The start
+
+    def execute(self, context: LaunchContext) -> list[Any] | None:
+        """Start the program and register what watches it."""
+        if self._details is not None:
+            raise RuntimeError(f"ExecuteLocal action '{self.final_name}': executed more than once")
+        prepared = self.prepare_command(context)
+        if prepared is None or context.is_shutdown:
+            return None
+        number = context.global_values[_COUNT] = context.global_values.get(_COUNT, 0) + 1
+        self._details = {
+            "action": self,
+            "name": f"{prepared.name}-{number}",
+            "cmd": prepared.shown,
+            "cwd": prepared.cwd,
+            "env": prepared.env,
+        }
+        self._timeouts_now = [self._seconds(context, *each) for each in self._timeouts]
+        self._targets = self._output_targets(context)
+        self._has_terminal = self._wants_terminal(context)
+        self._respawns = bool(perform_typed_substitution(context, self._respawn, bool))
+        self._completed = asyncio.get_running_loop().create_future()
+        if self._on_exit is not None:
+            context.register_event_handler(OnProcessExit(target_action=self, on_exit=self._on_exit))
+        context.register_event_handler(_Requests(self))
+        self._spawn(self._run(context, prepared))
+        return None
+
+    def _seconds(
+        self, context: LaunchContext, name: str, given: SomeSubstitutionsType | None
+    ) -> float:
+        if given is not None:
+            return float(perform(context, given))
+        return float(context.launch_configurations.get(name, "5"))
+
+    def _output_targets(self, context: LaunchContext) -> dict[str, set[str]]:
+        override = context.environment.get("OVERRIDE_LAUNCH_PROCESS_OUTPUT")
+        output = override or self._output
+        return output_targets(output if isinstance(output, dict) else perform(context, output))
+
+    def _wants_terminal(self, context: LaunchContext) -> bool:
+        given = context.launch_configurations.get("emulate_tty", self._emulate_tty)
+        if isinstance(given, bool):
+            return given
+        return evaluate_condition_expression(context, normalize_to_list_of_substitutions(given))
+
+    def _spawn(self, work: Any) -> None:
+        task = asyncio.ensure_future(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _run(self, context: LaunchContext, prepared: PreparedCommand) -> None:
+        try:
+            while await self._run_once(context, prepared):
+                pass
+        finally:
+            self._started.set()
+            assert self._completed is not None
+            if not self._completed.done():
+                self._completed.set_result(None)
+
+    async def _run_once(self, context: LaunchContext, prepared: PreparedCommand) -> bool:
+        """Run the program to its end; returns whether to start it again."""
+        assert self._details is not None
+        logger = get_logger(self.final_name)
+        shown = " ".join(prepared.shown)
+        if self._log_cmd:
+            logger.info(
+                f"process details: cmd='{shown}', cwd='{prepared.cwd}',"
+                f" custom_env?={prepared.env is not None}"
+            )
+        if self._ends.is_set():
+            return False
+        try:
+            self._tree = tree = await ProcessTree.start(
+                prepared.command,
+                lambda stream, data: self._received(context, stream, data),
+                cwd=prepared.cwd,
+                env=prepared.env,
+                has_terminal=self._has_terminal,
+            )
+        except OSError as error:
+            place = f" in {prepared.cwd}" if prepared.cwd else ""
+            logger.error(
+                f"cannot start '{prepared.shown[0]}'{place}: {reason_of(error)};"
+                " the other programs continue"
+            )
+            return False
+        self._started.set()
+        context.at_end.append(tree.end_descendants)
+        self._details["pid"] = tree.pid
+        logger.info(f"process started with pid [{tree.pid}]")
+        context.emit_event_sync(ProcessStarted(**self._details))
+        code = await tree.wait()
+        self._flush()
+        if code == 0:
+            logger.info(f"process has finished cleanly [pid {tree.pid}]")
+        else:
+            logger.error(f"process has died [pid {tree.pid}, exit code {code}, cmd '{shown}'].")
+        context.emit_event_sync(ProcessExited(returncode=code, **self._details))
+        return await self._starts_again(context)
+
+    async def _starts_again(self, context: LaunchContext) -> bool:
+        if not self._respawns or self._retries_left == 0:
+            return False
+        self._retries_left -= 1
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._ends.wait(), self._respawn_delay or 0)
+        return not self._ends.is_set() and not context.is_shutdown
+
+    # Output
+
+    def _received(self, context: LaunchContext, stream: int, data: bytes) -> None:
+        assert self._details is not None
+        # One event loop step, so `pid` may not be known yet: the program was started just now.
+        details = {"pid": 0, **self._details}
+        context.emit_event_sync(_KINDS[stream](text=data, **details))
+        *lines, rest = (self._begun.get(stream, b"") + data).split(b"\n")
+        self._begun[stream] = rest
+        for line in lines:
+            self._print(stream, line)
+        if self._cached_output:
+            self._cached[stream].append(data.decode(errors="replace"))
+
+    def _flush(self) -> None:
+        for stream, rest in self._begun.items():
+            if rest:
+                self._print(stream, rest)
+        self._begun.clear()
+
+    def _print(self, stream: int, line: bytes) -> None:
+        text = line.decode(errors="replace").removesuffix("\r")
+        shown = self._output_format.format(line=text, this=self)
+        name = _STREAMS[stream]
+        for target in sorted(self._targets[name]):
+            is_own = target == "own_log"
+            launch_config.write(f"{self.final_name}-{name}" if is_own else target, shown)
+
+    # The end
+
+    def signal(self, number: int, name: str) -> None:
+        """Send the program a signal, and say so."""
+        if self._tree is None or self._tree.returncode is not None:
+            return
+        get_logger(self.final_name).info(f"sending signal '{name}' to process[{self.final_name}]")
+        if name == "SIGKILL":
+            self._tree.kill()
+        else:
+            self._tree.send_signal(number)
+
+    def shutdown(self, *, is_interrupt: bool = False) -> None:
+        """Let the program end: SIGINT, later SIGTERM, later SIGKILL.
+
+        Args:
+            is_interrupt: Ctrl-C is the reason; the signal is not worth a line.
+        """
+        if not self._ends.is_set() and self._completed is not None and not self._completed.done():
+            self._ends.set()
+            self._spawn(self._escalate(is_interrupt))
+
+    async def _escalate(self, is_interrupt: bool) -> None:
+        await self._started.wait()
+        if is_interrupt and self._tree is not None:
+            # The terminal's Ctrl-C does not reach the program, which has a group of its own.
+            self._tree.send_signal(signal.SIGINT)
+        else:
+            self.signal(signal.SIGINT, "SIGINT")
+        previous, waited = "SIGINT", 0.0
+        for name, seconds in zip(("SIGTERM", "SIGKILL"), self._timeouts_now, strict=True):
+            assert self._completed is not None
+            await asyncio.wait([self._completed], timeout=seconds)
+            if self._completed.done():
+                return
+            waited += seconds
+            get_logger(self.final_name).error(
+                f"process[{self.final_name}] failed to terminate '{waited:g}' seconds after"
+                f" receiving '{previous}', escalating to '{name}'"
+            )
+            self.signal(signal.SIGTERM, name)
+            previous = name
+
+
+class _Requests(BaseEventHandler):
+    """Hands the events that ask a program for something to its action."""
+
+    def __init__(self, action: ExecuteLocal) -> None:
+        super().__init__(matcher=self._wants)
+        self._action = action
+
+    def _wants(self, event: Event) -> bool:
+        if isinstance(event, (ShutdownProcess, SignalProcess)):
+            return event.process_matcher(self._action)
+        return isinstance(event, Shutdown)
+
+    def handle(self, event: Event, context: LaunchContext) -> None:
+        """Do what the event asks for."""
+        super().handle(event, context)
+        if isinstance(event, SignalProcess):
+            self._action.signal(event.signal, event.signal_name)
+        elif isinstance(event, Shutdown):
+            self._action.shutdown(is_interrupt=event.due_to_sigint)
+        else:
+            self._action.shutdown()
+
+
+def texts_of(context: LaunchContext, values: Any) -> list[str]:
+    """Compute each of several texts."""
+    return [
+        perform_substitutions(context, normalize_to_list_of_substitutions(each)) for each in values
+    ]

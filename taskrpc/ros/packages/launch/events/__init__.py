@@ -1,0 +1,16 @@
+"""Events: what happened, and what a part of the launch asks for.
+
+Events of processes are in `launch.events.process`. The handlers of events are in
+`launch.event_handlers`; `launch.actions.EmitEvent` emits an event.
+"""
+
+from .general import ExecutionComplete, IncludeLaunchDescription, Shutdown, TimerEvent
+from .process import matches_action
+
+__all__ = [
+    "ExecutionComplete",
+    "IncludeLaunchDescription",
+    "Shutdown",
+    "TimerEvent",
+    "matches_action",
+]

@@ -1,0 +1,10 @@
+"""Events of ROS in launch files.
+
+`lifecycle` has the events of lifecycle nodes, which launch files import. taskrpc's launch does not
+act on them. Other events are in `launch.events`.
+"""
+
+from . import lifecycle
+from .lifecycle import matches_node_name
+
+__all__ = ["lifecycle", "matches_node_name"]

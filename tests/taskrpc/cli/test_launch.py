@@ -1,0 +1,111 @@
+"""`taskrpc launch` finds launch files, shows what they do, and starts their programs."""
+
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from taskrpc.cli.launch import parse_arguments
+from taskrpc.cli.shared.command import UsageError
+
+pytestmark = pytest.mark.real_time
+
+FILE = """
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, LogInfo
+from launch.substitutions import LaunchConfiguration
+
+def generate_launch_description():
+    return LaunchDescription([
+        DeclareLaunchArgument("speed", default_value="2.5", description="metres a second"),
+        LogInfo(msg=["speed ", LaunchConfiguration("speed")]),
+        ExecuteProcess(cmd=["ros2", "--version"], output="screen"),
+    ])
+"""
+
+
+@pytest.fixture
+def launch(tmp_path, monkeypatch):
+    folder = tmp_path / "src" / "my_robot" / "launch"
+    folder.mkdir(parents=True)
+    (folder / "robot.launch.py").write_text(FILE)
+    (folder.parent / "package.xml").write_text("<package><name>my_robot</name></package>")
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
+
+    def launch(*arguments):
+        done = subprocess.run(
+            [sys.executable, "-m", "taskrpc", "launch", *arguments],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+        return done.returncode, done.stdout, done.stderr
+
+    return launch
+
+
+def test_launch_file_of_a_package_runs_with_arguments(launch):
+    code, out, err = launch("my_robot", "robot.launch.py", "speed:=3", "sped:=4")
+    lines = out.splitlines()
+    assert (code, err) == (0, "")
+    assert lines[0].startswith("[INFO] [launch]: All log files can be found below ")
+    assert lines[1] == "[INFO] [launch]: Default logging verbosity is set to INFO"
+    assert lines[2] == "[INFO] [launch.user]: speed 3"
+    said = "the launch file does not use the argument 'sped'; did you mean speed?"
+    assert f"[WARNING] [launch]: {said}" in lines
+    assert any(line.startswith("[ros2-1] taskrpc ") for line in lines)
+
+
+def test_arguments_and_description_are_shown(launch):
+    assert launch("my_robot", "robot.launch.py", "--show-args") == (
+        0,
+        "Arguments (pass arguments as '<name>:=<value>'):\n\n    'speed':\n"
+        "        metres a second\n        (default: '2.5')\n",
+        "",
+    )
+    code, out, _ = launch("src/my_robot/launch/robot.launch.py", "--print")
+    assert code == 0
+    assert "├── LogInfo('speed ' + LaunchConfig('speed'))\n" in out
+
+
+def test_missing_package_or_file_is_one_line(launch):
+    code, _, err = launch("my_robt", "robot.launch.py")
+    assert code == 1
+    assert err.startswith("Package 'my_robt' not found: \"package 'my_robt' not found, searching:")
+    assert "did you mean my_robot?" in err
+    code, _, err = launch("my_robot", "robt.launch.py")
+    assert err.startswith("file 'robt.launch.py' was not found in the share directory of package")
+    assert "did you mean robot.launch.py?" in err
+    assert launch("nope.launch.py") == (
+        1,
+        "",
+        "cannot launch nope.launch.py: No such file or directory\n",
+    )
+
+
+def test_malformed_argument_is_named():
+    assert parse_arguments(["a:=1", "a:=2", "b:="]) == {"a": "2", "b": ""}
+    for word in ("a", ":=1", "a=1"):
+        with pytest.raises(UsageError, match=f"malformed launch argument '{word}'"):
+            parse_arguments([word])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
+def test_ctrl_c_ends_all_programs(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
+    (tmp_path / "a.launch.xml").write_text(
+        f"<launch><executable cmd=\"{sys.executable} -c 'import time; print(1); time.sleep(600)'\""
+        ' output="screen" name="p"><env name="PYTHONUNBUFFERED" value="1"/></executable></launch>'
+    )
+    command = [sys.executable, "-m", "taskrpc", "launch", str(tmp_path / "a.launch.xml")]
+    with subprocess.Popen(command, stdout=-1, text=True) as process:
+        while process.stdout.readline() != "[p-1] 1\n":
+            pass
+        process.send_signal(signal.SIGINT)
+        out, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "[WARNING] [launch]: user interrupted with ctrl-c (SIGINT)\n" in out
+    assert "[ERROR] [p-1]: process has died [pid " in out

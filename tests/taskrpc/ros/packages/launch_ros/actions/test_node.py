@@ -1,0 +1,119 @@
+"""Nodes that a launch file starts."""
+
+import importlib
+
+import pytest
+
+
+@pytest.fixture
+def ros(launch):
+    return importlib.import_module("launch_ros.actions")
+
+
+async def test_program_that_is_not_here_is_named_once_and_the_rest_starts(launch, ros, play):
+    viewer = {"package": "rviz2", "executable": "rviz2"}
+    after = launch.actions.LogInfo(msg="the rest")
+    assert await play(ros.Node(**viewer), ros.Node(**viewer), after) == (
+        0,
+        [
+            "[WARNING] [launch]: taskrpc does not have 'rviz2' of the package 'rviz2', so it is"
+            " not started; the other programs start",
+            "[INFO] [launch.user]: the rest",
+        ],
+    )
+
+
+async def test_misspelt_package_is_an_error(ros, play):
+    code, (line,) = await play(ros.Node(package="demo_node_py", executable="talker"))
+    assert code == 1
+    assert "package 'demo_node_py' not found; did you mean demo_nodes_py" in line
+
+
+async def test_invalid_name_is_an_error(ros, play):
+    node = ros.Node(package="demo_nodes_py", executable="talker", name="a b")
+    code, (line,) = await play(node)
+    assert code == 1
+    assert "Invalid node name" in line
+
+
+@pytest.mark.parametrize(
+    ("outer", "inner", "joined"),
+    [
+        ("", "", ""),
+        ("", "a", "/a"),
+        ("/a", "b", "/a/b"),
+        ("/a", "/b", "/b"),
+        ("/a", "", "/a"),
+        ("/a", "/", "/"),
+    ],
+)
+def test_namespaces_are_joined(launch, outer, inner, joined):
+    parameters = importlib.import_module("launch_ros.parameters")
+    assert parameters.joined_namespace(outer, inner) == joined
+
+
+def test_settings_end_with_their_group(launch, ros):
+    context = launch.LaunchContext()
+    show = []
+
+    def look(context):
+        node = ros.Node(package="demo_nodes_py", executable="talker")
+        show.append(node.prepare_command(context).shown[4:])
+
+    see = launch.actions.OpaqueFunction(function=look)
+    group = launch.actions.GroupAction(
+        [
+            ros.PushRosNamespace("a"),
+            ros.SetParameter("p", True),
+            ros.SetParameter("p", "x"),
+            ros.SetRemap("b", "c"),
+            see,
+        ]
+    )
+    launch.utilities.visit_all_entities_and_collect_futures(group, context)
+    launch.utilities.visit_all_entities_and_collect_futures(see, context)
+    inside = ["--ros-args", "-r", "__ns:=/a", "-p", "p:=x", "-r", "b:=c"]
+    assert show == [inside, []]
+
+
+async def test_components_are_named(launch, ros, play):
+    from launch_ros.descriptions import ComposableNode
+
+    container = ros.ComposableNodeContainer(
+        name="c",
+        namespace="",
+        package="rclcpp_components",
+        executable="component_container",
+        composable_node_descriptions=[ComposableNode(package="p", plugin="p::Camera")],
+    )
+    assert (await play(container))[1] == [
+        "[WARNING] [launch]: the container 'c' (p::Camera) is not started: taskrpc has no compiled"
+        " components; the other programs start"
+    ]
+
+
+@pytest.mark.real_time
+async def test_node_of_the_workspace_starts_with_its_parameters(launch, ros, play, tmp_path):
+    folder = tmp_path / "src" / "my_robot"
+    (folder / "my_robot").mkdir(parents=True)
+    (folder / "package.xml").write_text("<package><name>my_robot</name></package>")
+    (folder / "setup.py").write_text(
+        "setup(entry_points={'console_scripts': ['show = my_robot.show:main']})"
+    )
+    (folder / "my_robot" / "__init__.py").write_text("")
+    (folder / "my_robot" / "show.py").write_text(
+        "import rclpy\ndef main():\n    rclpy.init()\n    node = rclpy.create_node('x')\n"
+        "    node.declare_parameter('speed', 0.0)\n"
+        "    print(node.get_fully_qualified_name(), node.get_parameter('speed').value)\n"
+    )
+    importlib.import_module("taskrpc.ros.hook").install(folder)
+    node = ros.Node(
+        package="my_robot",
+        executable="show",
+        name="shown",
+        namespace="here",
+        parameters=[{"speed": launch.substitutions.LaunchConfiguration("v")}],
+        output="screen",
+    )
+    _, lines = await play(node, v="2.5")
+    assert "[show-1] /here/shown 2.5" in lines, lines

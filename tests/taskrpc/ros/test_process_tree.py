@@ -1,0 +1,56 @@
+"""A program ends together with the processes that it has started."""
+
+import asyncio
+import os
+import signal
+import sys
+
+import pytest
+
+from taskrpc.ros.process_tree import ProcessTree
+
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.skipif(sys.platform == "win32", reason="a job object does this there"),
+]
+
+PARENT = """
+import signal, subprocess, sys, time
+child = "import signal, time; signal.signal(2, signal.SIG_IGN); print(0, flush=True)"
+child += "; time.sleep(600)"
+subprocess.Popen([sys.executable, "-c", child])
+time.sleep(600)
+"""
+
+
+async def test_signals_reach_descendants_and_none_is_left():
+    said = asyncio.Event()
+    tree = await ProcessTree.start([sys.executable, "-c", PARENT], lambda stream, data: said.set())
+    await said.wait()
+    tree.send_signal(signal.SIGINT)
+    assert await tree.wait() == -signal.SIGINT
+    assert tree.has_processes()
+    await tree.end_descendants()
+    assert not tree.has_processes()
+
+
+async def test_output_has_its_stream_and_files_are_closed():
+    before = len(os.listdir("/proc/self/fd")) if os.path.isdir("/proc/self/fd") else 0
+    for has_terminal in (False, True):
+        found = {}
+        code = "import sys; print('a'); print('b', file=sys.stderr); sys.exit(3)"
+        tree = await ProcessTree.start(
+            [sys.executable, "-c", code],
+            lambda stream, data, found=found: found.setdefault(stream, data.strip()),
+            has_terminal=has_terminal,
+        )
+        assert await tree.wait() == 3
+        assert found == {1: b"a", 2: b"b"}
+    await asyncio.sleep(0)
+    if before:
+        assert len(os.listdir("/proc/self/fd")) <= before
+
+
+async def test_missing_program_raises_and_leaves_no_file_open():
+    with pytest.raises(FileNotFoundError):
+        await ProcessTree.start(["no-such-program-9"], print)
