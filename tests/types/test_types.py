@@ -19,6 +19,7 @@ import pytest
 
 from srvgen.classes.stubs import packages_with_dependencies, stubs
 from srvgen.files.search import BUNDLED, Search
+from taskrpc.ros import bundled
 from tests.docs.markdown import Page, read_page
 from tests.srvgen.sample_definitions import put_all
 
@@ -139,11 +140,15 @@ def test_generated_packages_are_as_precise_as_stubs(name, checker, with_generate
     _compare(with_generated[checker].get(name, {}), _expected(name, checker))
 
 
+_ROS = re.compile(rf"^(?:import|from) (?:{'|'.join(['rclpy', *bundled.packages()])})\b", flags=re.M)
+"""An import of a package that only `taskrpc run` finds."""
+
+
 def _write_programs(page: Page, folder: Path) -> list[str]:
     """Write a page's definitions and native Python programs; the programs' names."""
     names = []
     for block in page.blocks:
-        is_program = block.kind == "python" and "import rclpy" not in block.text
+        is_program = block.kind == "python" and not _ROS.search(block.text)
         is_program &= Path(block.file).name != "setup.py"
         if not block.notes.keys() & {"wrong", "not run"} and (
             is_program or (block.kind in ("srv", "msg", "action") and block.file)
