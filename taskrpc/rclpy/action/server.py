@@ -455,6 +455,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             goal_handle.abort()
         self._logger.debug(f"Goal with ID {goal} finished with state {goal_handle.status}")
         self._set_result(goal_handle, result)
+        self._parts.settle()
 
     def _set_result(
         self, goal_handle: ServerGoalHandle[GoalT, ResultT, FeedbackT], result: Any
@@ -553,6 +554,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             result = handle()
             if result is not None:
                 await result
+        self._parts.settle()
 
     def get_num_entities(self) -> NumberOfEntities:
         """How many services and timers it consists of."""

@@ -13,6 +13,8 @@ from taskrpc.errors import NameInUse
 from ...callback_groups import CallbackGroup
 from ...publisher import Publisher
 from ...service import RequestHeader, Service
+from ..bridge import settle
+from ..graph.endpoints import has_client_here
 from ..node_interface import NodeInterface
 
 if TYPE_CHECKING:
@@ -104,6 +106,14 @@ class ServerParts:
     def publish_feedback(self, goal_id: Any, feedback: Any) -> None:
         """Publish the feedback of a goal."""
         self._feedback.publish(self._messages.feedback(goal_id=goal_id, feedback=feedback))
+
+    def settle(self) -> None:
+        """Wait a moment if this program itself calls the services, so that its messages arrive.
+
+        As in ROS, the next round of its executor then has the response, feedback and events.
+        """
+        if any(has_client_here(service.service_name) for service in self.services):
+            settle()
 
     def configure_introspection(
         self, clock: Clock, qos_profile: QoSProfile, state: ServiceIntrospectionState

@@ -56,6 +56,12 @@ def check_service_profiles(end: Any, *, is_server: bool) -> None:
         profiles_differ(name, f"for the {whose}: {problems[0]}")
 
 
+def has_client_here(service: str) -> bool:
+    """Whether a node of this program has created a client of the service."""
+    client = _service_ends.get((service, False))
+    return client is not None and bool(client.handle.valid)
+
+
 def remember_profile(
     endpoint: Any, kind: EndpointTypeEnum, node: str, topic: str, profile: QoSProfile
 ) -> None:

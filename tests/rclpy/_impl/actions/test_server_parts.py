@@ -4,6 +4,7 @@ import pytest
 
 import srvgen
 from taskrpc.actions.messages import ActionMessages
+from taskrpc.rclpy._impl.actions import server_parts
 from taskrpc.rclpy._impl.actions.server_parts import Profiles, ServerParts
 from taskrpc.rclpy.qos import qos_profile_action_status_default, qos_profile_services_default
 from tests.rclpy.living import living
@@ -27,6 +28,22 @@ def test_each_request_is_taken_once():
         assert not list(parts.take())
         parts.results.send_response(MESSAGES.get_result.Response(status=4), taken.header)
         assert world.answer(future).status == 4
+        parts.destroy()
+
+
+def test_messages_to_the_program_itself_have_arrived_after_settle(monkeypatch):
+    waits = []
+    monkeypatch.setattr(server_parts, "settle", lambda: waits.append("settled"))
+    with living() as world:
+        node = world.node()
+        parts = ServerParts(node, MESSAGES, "turn", node.default_callback_group, PROFILES)
+        parts.settle()
+        assert not waits
+        client = node.create_client(MESSAGES.send_goal, "turn/_action/send_goal")
+        parts.settle()
+        node.destroy_client(client)
+        parts.settle()
+        assert waits == ["settled"]
         parts.destroy()
 
 
