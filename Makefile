@@ -26,7 +26,7 @@ pictures:
 
 interop:
 	$(BIN)/pip install --quiet --editable '.[dev,interop]'
-	$(BIN)/pytest -m interop tests/interop tests/taskrpc/transport/contract tests/taskrpc/transport/pubsub
+	$(BIN)/pytest -m interop tests/interop tests/taskrpc/transport/contract tests/taskrpc/transport/pubsub tests/taskrpc/ros/packages
 
 postgres:
 	$(BIN)/pytest -m postgres tests/taskrpc/fleet

@@ -100,6 +100,7 @@ def test_impossible_conversions_have_the_messages_of_ros(bridge, cv_bridge, sour
     assert str(caught.value) == said
 
 
+@pytest.mark.interop
 @pytest.mark.parametrize(
     ("source", "target", "code"),
     [
@@ -137,6 +138,7 @@ def test_depths_are_scaled_between_8_and_16_bits_only(bridge):
     assert bridge.imgmsg_to_cv2(depth, "32FC1").tolist() == [[1500.0]]
 
 
+@pytest.mark.interop
 def test_compressed_images(bridge, cv_bridge, cv2):
     message = bridge.cv2_to_compressed_imgmsg(IMAGE, "png")
     assert message.format == "png"
@@ -155,6 +157,7 @@ def test_compressed_image_without_opencv_names_the_command(bridge, monkeypatch):
         bridge.cv2_to_compressed_imgmsg(IMAGE)
 
 
+@pytest.mark.interop
 def test_numbers_of_types_are_those_of_opencv(cv_bridge, cv2):
     for name, number in (("bgr8", cv2.CV_8UC3), ("32FC1", cv2.CV_32FC1), ("64FC2", cv2.CV_64FC2)):
         assert cv_bridge.getCvType(name) == number & 0xFFF or cv2.__version__ >= "5"
