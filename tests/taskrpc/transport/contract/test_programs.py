@@ -12,7 +12,7 @@ async def test_domains_do_not_see_each_other(net, monkeypatch):
     server = await net.node()
     server.create_service(Add, "add", add)
     with monkeypatch.context() as patch:
-        patch.setenv("ROS_DOMAIN_ID", "1")
+        patch.setenv("ROS_DOMAIN_ID", "101")  # that of no other test; see `own_domains`
         stranger = await net.node("stranger")
     client = stranger.create_client(Add, "add")
     assert not await client.wait_for_service(0.2)
