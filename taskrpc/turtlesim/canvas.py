@@ -61,16 +61,14 @@ class Canvas:
         return self._pixels
 
     def _cover(self, start: Point, end: Point, pen: Pen) -> None:
-        length = max(abs(end[0] - start[0]), abs(end[1] - start[1]))
-        steps = max(1, round(length))
-        seen = set()
-        for step in range(steps + 1):
-            share = step / steps
-            x = round(start[0] + (end[0] - start[0]) * share)
-            y = round(start[1] + (end[1] - start[1]) * share)
-            if (x, y) not in seen:
-                seen.add((x, y))
-                self._stamp(x, y, pen)
+        if (part := _visible(start, end, pen.width)) is None:
+            return
+        (x1, y1), (x2, y2) = part
+        steps = max(1, round(max(abs(x2 - x1), abs(y2 - y1))))
+        shares = (step / steps for step in range(steps + 1))
+        points = ((x1 + (x2 - x1) * share, y1 + (y2 - y1) * share) for share in shares)
+        for x, y in dict.fromkeys((round(x), round(y)) for x, y in points):
+            self._stamp(x, y, pen)
 
     def _stamp(self, x: int, y: int, pen: Pen) -> None:
         """Cover a square of the pen's width around a pixel."""
@@ -83,3 +81,23 @@ class Canvas:
 
 def _inside(first: int, count: int) -> range:
     return range(max(0, first), min(SIZE, first + count))
+
+
+def _visible(start: Point, end: Point, width: int) -> tuple[Point, Point] | None:
+    """The part of a line near the picture: a turtle may jump very far. None if there is none."""
+    first, last = 0.0, 1.0
+    lowest, highest = -width, SIZE + width
+    for begin, finish in zip(start, end, strict=True):
+        length = finish - begin
+        if length == 0:
+            if not lowest <= begin <= highest:
+                return None
+            continue
+        enters, leaves = sorted(((lowest - begin) / length, (highest - begin) / length))
+        first, last = max(first, enters), min(last, leaves)
+    if first > last:
+        return None
+    (x, y), (wide, high) = start, (end[0] - start[0], end[1] - start[1])
+    near = (x + wide * first, y + high * first) if first > 0 else start
+    far = (x + wide * last, y + high * last) if last < 1 else end
+    return near, far

@@ -15,10 +15,12 @@ import rclpy
 from geometry_msgs.msg import Twist
 from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterEvent
 from rclpy.action import ActionServer, CancelResponse
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
+from rclpy.validate_topic_name import validate_topic_name
 from std_srvs.srv import Empty
 from turtlesim.action import RotateAbsolute
 from turtlesim.msg import Color, Pose
@@ -93,6 +95,8 @@ class Turtlesim(Node):
     def _spawn(self, request: Spawn.Request, response: Spawn.Response) -> Spawn.Response:
         if request.name in self.world.turtles:
             self.get_logger().error(f"A turtle named [{request.name}] already exists")
+        elif problem := _problem_of(request.name):
+            self.get_logger().error(f"A turtle cannot be named [{request.name}]: {problem}")
         else:
             response.name = self._add(request.name, request.x, request.y, request.theta)
         return response
@@ -248,6 +252,16 @@ def main(args: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     return 0
+
+
+def _problem_of(name: str) -> str:
+    """Why topics cannot have the name of a turtle; "" if they can."""
+    try:
+        if name:
+            validate_topic_name(f"{name}/pose")
+    except InvalidTopicNameException as error:
+        return " ".join(str(error).split())
+    return ""
 
 
 def _show(name: str) -> None:

@@ -82,7 +82,8 @@ class Turtle:
 
     def command(self, linear_x: float, linear_y: float, angular: float, now: float) -> None:
         """Move with these velocities for `COMMAND_LASTS`, or until the next command."""
-        self.linear_x, self.linear_y, self.angular = linear_x, linear_y, angular
+        self.linear_x, self.linear_y = finite(linear_x), finite(linear_y)
+        self.angular = finite(angular)
         self._commanded = now
 
     def set_pen(self, color: Color, width: int, off: bool) -> None:
@@ -94,15 +95,15 @@ class Turtle:
 
     def teleport_absolute(self, x: float, y: float, theta: float) -> None:
         """Jump to a pose at the next step."""
-        self._jumps.append(_Teleport(x, y, theta))
+        self._jumps.append(_Teleport(finite(x), finite(y), finite(theta)))
 
     def teleport_relative(self, linear: float, angular: float) -> None:
         """Turn and then jump ahead at the next step."""
-        self._jumps.append(_Shift(linear, angular))
+        self._jumps.append(_Shift(finite(linear), finite(angular)))
 
     def rotate_to(self, theta: float) -> None:
         """Turn to a heading, in place of an earlier rotation."""
-        self._goal, self._goal_start = theta, self.theta
+        self._goal, self._goal_start = finite(theta), self.theta
 
     def stop_rotation(self) -> None:
         """Stop a rotation where the turtle is now."""
@@ -168,7 +169,7 @@ class World:
 
     def spawn(self, name: str, x: float, y: float, theta: float) -> Turtle:
         """Add a turtle, whose name no other turtle has."""
-        self.turtles[name] = turtle = Turtle(name, x, y, theta)
+        self.turtles[name] = turtle = Turtle(name, finite(x), finite(y), finite(theta))
         return turtle
 
     def step(self, now: float) -> dict[str, Moved]:
@@ -190,7 +191,12 @@ def pixel(x: float, y: float) -> Point:
 
 def normalized(angle: float) -> float:
     """The same angle between -pi and pi."""
-    return angle - math.tau * math.floor((angle + math.pi) / math.tau)
+    return math.remainder(angle, math.tau)
+
+
+def finite(value: float) -> float:
+    """The number, or 0 for infinity and NaN, which messages can carry."""
+    return value if math.isfinite(value) else 0.0
 
 
 def _clamped(value: float) -> float:

@@ -49,3 +49,13 @@ def test_pixels_are_inside_and_cover_the_ends_that_are_inside(start, end, width)
     for x, y in (start, end):
         if 0 <= round(x) < SIZE and 0 <= round(y) < SIZE:
             assert canvas.color_at((x, y)) == RED
+
+
+def test_a_line_from_very_far_is_drawn_where_it_crosses_the_picture():
+    canvas = Canvas()
+    canvas.draw((-1e9, 20), (1e9, 20), Pen(RED, 1))
+    assert set(canvas.pixels()) == {(x, 20) for x in range(SIZE)}
+    canvas.clear()
+    canvas.draw((1e9, 0), (1e9, 1e9), Pen(RED, 1))
+    canvas.draw((-300, 100), (100, -300), Pen(RED, 1))
+    assert canvas.pixels() == {}

@@ -107,3 +107,44 @@ def test_rotations_succeed_and_are_aborted_and_cancelled(turtlesim):
         "Rotation goal received before a previous goal finished. Aborting previous goal",
         "Rotation goal canceled",
     ]
+
+
+LOST = """
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.node import Node
+from std_srvs.srv import Empty
+from turtlesim.action import RotateAbsolute
+
+rclpy.init()
+node = Node("asking")
+client = ActionClient(node, RotateAbsolute, "/turtle1/rotate_absolute")
+reset = node.create_client(Empty, "/reset")
+client.wait_for_server()
+reset.wait_for_service()
+for _ in range(2):
+    sending = client.send_goal_async(RotateAbsolute.Goal(theta=3.0))
+    rclpy.spin_until_future_complete(node, sending)
+    rclpy.spin_until_future_complete(node, reset.call_async(Empty.Request()))
+    client.wait_for_server()
+"""
+
+
+def test_a_reset_during_a_rotation_leaves_the_node_running(turtlesim):
+    node = turtlesim.node()
+    program = turtlesim.script(LOST)
+    assert program.end() == 0, program.err
+    call = ("service", "call", "/spawn", SPAWN)
+    assert "name='turtle2'" in turtlesim.command(*call, "{x: 2, y: 2}")
+    assert node.interrupt() == 0
+    assert "Traceback" not in node.err
+    assert node.err.count("Resetting turtlesim.") == 2
+
+
+def test_a_name_that_topics_cannot_have_is_an_error_in_the_log(turtlesim):
+    node = turtlesim.node()
+    call = ("service", "call", "/spawn", SPAWN)
+    assert "name=''" in turtlesim.command(*call, "{x: 2, y: 2, name: my turtle}")
+    node.wait_for("A turtle cannot be named [my turtle]: ")
+    assert "name='turtle2'" in turtlesim.command(*call, "{x: 2, y: 2}")
+    assert node.interrupt() == 0

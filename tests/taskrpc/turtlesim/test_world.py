@@ -157,3 +157,20 @@ def test_the_same_commands_draw_the_same_picture():
         pictures.append(world.canvas.pixels())
     assert pictures[0] == pictures[1]
     assert len(pictures[0]) > 100
+
+
+ANY = st.floats(width=32)
+
+
+@given(ANY, ANY, ANY)
+def test_any_numbers_leave_a_turtle_inside_the_window(x, y, theta):
+    world, turtle = a_turtle(x, y, theta)
+    turtle.teleport_absolute(y, x, theta)
+    turtle.teleport_relative(x, theta)
+    turtle.command(x, y, theta, now=0.0)
+    world.step(0.0)
+    turtle.rotate_to(theta)
+    world.step(STEP)
+    assert 0 <= turtle.x <= SIDE
+    assert 0 <= turtle.y <= SIDE
+    assert -math.pi <= turtle.theta <= math.pi
