@@ -36,8 +36,14 @@ AllowableParameterValue: TypeAlias = (
 _ROS_PARAMETERS = "ros__parameters"
 
 
-class _ParameterKind(enum.Enum):
+class _ParameterKind(enum.IntEnum):
     """The types that a parameter can have; programs know it as `Parameter.Type`."""
+
+    __str__ = enum.Enum.__str__
+
+    def __format__(self, format_spec: str) -> str:
+        """Return its name; the number of an IntEnum would explain nothing in an error."""
+        return format(str(self), format_spec)
 
     NOT_SET = ParameterType.PARAMETER_NOT_SET
     BOOL = ParameterType.PARAMETER_BOOL

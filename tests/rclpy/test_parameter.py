@@ -195,3 +195,8 @@ def test_a_missing_entry_of_a_file_is_reported(dumped, tmp_path):
         (tmp_path / "bad.yaml").write_text(text, encoding="utf-8")
         with pytest.raises(RuntimeError, match=problem):
             _read(str(tmp_path / "bad.yaml"))
+
+
+def test_a_type_equals_its_number_in_messages_and_has_a_name_in_texts():
+    assert Parameter.Type.INTEGER == 2  # the number in ROS messages
+    assert f"{Parameter.Type.INTEGER}" == str(Parameter.Type.INTEGER) == "Type.INTEGER"
