@@ -8,8 +8,9 @@ from typing import Any
 class NotInitializedException(Exception):
     """An operation needs a context for which `rclpy.init()` was not called."""
 
-    def __init__(self, *args: Any) -> None:
-        super().__init__("rclpy.init() has not been called", *args)
+    def __init__(self, message: str | None = None) -> None:
+        more = "" if message is None else f" msg:{message}"
+        super().__init__(f"rclpy.init() has not been called.{more}")
 
 
 class NoTypeSupportImportedException(Exception):

@@ -81,9 +81,6 @@ _KEEP_ALL_DEPTH = 5000
 class InvalidQoSProfileException(Exception):
     """A profile lacks a history or depth."""
 
-    def __init__(self, *args: Any) -> None:
-        super().__init__("Invalid QoSProfile", *args)
-
 
 class QoSProfile:
     """The policies of a publisher, a subscription, a client or a service.

@@ -68,7 +68,12 @@ class Timer(Entity):
     ) -> None:
         self._context = get_default_context() if context is None else context
         if timer_period_ns < 0:
-            raise RCLError("Failed to create timer: timer period must be non-negative")
+            raise RCLError("failed to create timer: timer period must be non-negative")
+        if not self._context.ok():
+            raise RCLError(
+                "failed to create timer: the given context is not valid, either rcl_init() was not"
+                " called or rcl_shutdown() was called."
+            )
         self.handle = Handle(self)
         self.callback = callback
         self.callback_group = callback_group

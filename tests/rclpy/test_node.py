@@ -54,7 +54,7 @@ def test_bad_names_are_refused_with_the_messages_of_ros(world, name, namespace, 
 def test_a_node_needs_a_context_that_is_up():
     with context_of() as context:
         context.shutdown()
-        with pytest.raises(NotInitializedException, match="has not been called"):
+        with pytest.raises(NotInitializedException, match="msg:cannot create node"):
             Node("robot", context=context)
 
 

@@ -45,10 +45,17 @@ def test_profiles_are_equal_when_every_policy_is(one, other):
     assert one != "a profile"
 
 
-@pytest.mark.parametrize("policies", [{}, {"history": HistoryPolicy.KEEP_LAST}])
-def test_a_history_or_depth_is_needed(policies):
-    with pytest.raises(InvalidQoSProfileException, match="Invalid QoSProfile"):
+@pytest.mark.parametrize(
+    ("policies", "problem"),
+    [
+        ({}, "History and/or depth settings are required."),
+        ({"history": HistoryPolicy.KEEP_LAST}, "History set to KEEP_LAST without a depth setting."),
+    ],
+)
+def test_a_history_or_depth_is_needed(policies, problem):
+    with pytest.raises(InvalidQoSProfileException) as raised:
         QoSProfile(**policies)
+    assert str(raised.value) == problem
 
 
 def test_depth_of_zero_warns():

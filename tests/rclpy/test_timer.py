@@ -229,3 +229,9 @@ def test_rate_whose_timer_was_destroyed_raises_invalid_handle(context, fake):
     fake.timers[0].destroy()
     with pytest.raises(InvalidHandle, match="the timer has been destroyed"):
         rate.sleep()
+
+
+def test_no_timer_is_created_after_the_shutdown(context, fake):
+    context.shutdown()
+    with pytest.raises(RCLError, match="the given context is not valid"):
+        fake.timer(1, print)

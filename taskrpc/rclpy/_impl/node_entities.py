@@ -273,5 +273,5 @@ def topic_profile(qos: QoSProfile | int) -> QoSProfile:
     if not isinstance(qos, int):
         raise TypeError(f"Expected QoSProfile or int, but received {type(qos)!r}")
     if qos < 0:
-        raise ValueError("History depth must be greater than or equal to zero")
+        raise ValueError("history depth must be greater than or equal to zero")
     return QoSProfile(depth=qos)
