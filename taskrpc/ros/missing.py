@@ -17,14 +17,14 @@ else:  # slow to import, and not needed
     MetaPathFinder = object
 
 _TESTS = "start the programs in a test with `taskrpc.testing`, or with `subprocess`"
-_COMMANDS = "use `taskrpc service`, `topic`, `node`, `param` and `interface`"
-_CHECKS = "it checks a package's style, in `colcon test` on a real ROS 2"
-_NONE = "only a real ROS 2 has it"
-_CAMERAS = "`cv_bridge` and OpenCV exist, but nothing computes with camera models"
-_MARKERS = "there is no rviz2 to show markers; the messages of `visualization_msgs` exist"
-_NAV2 = "Nav2 runs only on a real ROS 2; its interfaces in `nav2_msgs` exist"
-_MOVEIT = "MoveIt runs only on a real ROS 2; its interfaces in `moveit_msgs` exist"
-_BAGS = "`taskrpc bag` reads and converts recordings"
+_COMMANDS = "use the commands `taskrpc service`, `topic`, `action`, `node`, `param` and `interface`"
+_CHECKS = "it checks the style of a package; run `colcon test` on a real ROS 2"
+_NONE = "run the program on a real ROS 2"
+_CAMERAS = "use the camera functions of OpenCV; `cv_bridge` converts the images"
+_MARKERS = "there is no rviz2 that shows markers; `visualization_msgs` has only the messages"
+_NAV2 = "Nav2 runs only on a real ROS 2; taskrpc has its interfaces, in `nav2_msgs`"
+_MOVEIT = "MoveIt runs only on a real ROS 2; taskrpc has its interfaces, in `moveit_msgs`"
+_BAGS = "use `taskrpc bag` to read and convert recordings"
 
 _PYTHON = {
     **dict.fromkeys("launch_testing launch_testing_ros launch_pytest".split(), _TESTS),
@@ -79,8 +79,8 @@ def explain_ros_or_interfaces(name: str) -> str:
 def _place_for_interfaces(name: str) -> str:
     if repository := _REPOSITORIES.get(name):
         return (
-            f"taskrpc does not have these definitions: git clone {repository} into the src folder"
-            " of the workspace; no build is needed"
+            "taskrpc does not have these definitions; in the src folder of your workspace, run"
+            f" git clone {repository} (no build is needed)"
         )
     return (
         f"if it has interfaces, put its folder (with {name}/srv, {name}/msg) beside the program,"

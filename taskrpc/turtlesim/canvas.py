@@ -11,7 +11,7 @@ Color = tuple[int, int, int]
 Point = tuple[float, float]
 
 EMPTY: Color = (255, 255, 255)
-"""What a turtle senses where nothing is drawn: in ROS 2 the paper is transparent white."""
+"""The color that a turtle senses where nothing is drawn; as in ROS 2, it is white."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Canvas:
 
     @property
     def generation(self) -> int:
-        """How often the canvas was cleared."""
+        """The number of times that the canvas was cleared."""
         return self._generation
 
     def clear(self) -> None:

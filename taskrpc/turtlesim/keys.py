@@ -24,7 +24,7 @@ HEADINGS = {
     "v": -1.5708,
     "b": -0.7854,
 }
-"""The heading of each key around F, as the keys lie on a keyboard [rad]."""
+"""The heading of each key around F: the direction from F to the key on a keyboard [rad]."""
 
 _ARROWS = {b"A": UP, b"B": DOWN, b"C": RIGHT, b"D": LEFT}
 _WINDOWS_ARROWS = {"H": UP, "P": DOWN, "M": RIGHT, "K": LEFT}
@@ -33,7 +33,7 @@ _INTRODUCERS = (b"[", b"O")
 
 
 def windows_arrow(code: str) -> str:
-    """The key of the second character that Windows reports for a special key, or ""."""
+    """Return the arrow key of the second code that Windows reports for a special key, or ""."""
     return _WINDOWS_ARROWS.get(code, "")
 
 

@@ -10,7 +10,7 @@ Picture = list[list[Color]]
 
 
 def picture(world: World, background: Color, columns: int, rows: int) -> Picture:
-    """The rows of a picture with so many pixels."""
+    """Return the rows of a picture of `columns` by `rows` pixels."""
     image = [[background] * columns for _ in range(rows)]
     for (x, y), color in world.canvas.pixels().items():
         image[y * rows // SIZE][x * columns // SIZE] = color
@@ -23,7 +23,7 @@ def picture(world: World, background: Color, columns: int, rows: int) -> Picture
 
 
 def _fill(image: Picture, points: list[Point], color: Color) -> None:
-    """Color the pixels whose middle is inside a polygon."""
+    """Color the pixels whose center is inside a polygon."""
     ys = [y for _, y in points]
     for row in range(max(0, int(min(ys))), min(len(image), int(max(ys)) + 1)):
         crossings = _crossings(points, row + 0.5)

@@ -24,7 +24,7 @@ class Command:
 
 
 class SquareDriver:
-    """Decides at each pose of the turtle how it moves."""
+    """Computes the next velocities from each pose of the turtle."""
 
     def __init__(self) -> None:
         self._goal: Position | None = None

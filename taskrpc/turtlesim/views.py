@@ -29,11 +29,11 @@ class View(Protocol):
 
 
 class PacedView:
-    """Draws into a view a few times a second, however often the program asks.
+    """Draws into a view at most 30 times a second, even if the program calls it more often.
 
     Args:
         view: where to draw; None draws nowhere.
-        hint: printed at the first picture, so below the log lines of the start.
+        hint: printed at the first picture, so that it is below the first log lines.
     """
 
     def __init__(self, view: View | None, hint: str = "") -> None:
@@ -55,7 +55,7 @@ class PacedView:
 def opened(name: str) -> Iterator[PacedView]:
     """Open the view of this name; `auto` takes the first that works.
 
-    Raises TaskRpcError if a named view does not work here.
+    Raises TaskRpcError if the view does not work on this computer; `auto` always works.
     """
     view = _view(name)
     try:
@@ -66,7 +66,7 @@ def opened(name: str) -> Iterator[PacedView]:
 
 
 _HOW = (
-    "There is no display and no terminal to draw the turtles in. To see where one is:"
+    "No display and no terminal was found, so turtles are not drawn. To see the pose of one:"
     " taskrpc topic echo /turtle1/pose"
 )
 

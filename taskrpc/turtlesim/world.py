@@ -20,7 +20,7 @@ STEP = 0.016
 COMMAND_LASTS = 1.0
 """How long a velocity command moves a turtle [s]."""
 _CLOSE_ENOUGH = 0.02
-"""A rotation ends at most so far from its goal [rad]."""
+"""A rotation is complete when the heading differs from its goal by less than this [rad]."""
 _ROTATION_SPEED = 1.0
 
 
@@ -35,7 +35,7 @@ class Rotation:
 
 @dataclass(frozen=True)
 class Moved:
-    """What one step did to a turtle."""
+    """The outcome of one step of a turtle."""
 
     hit: Point | None = None
     """Where it would be without the wall, in metres from the upper left corner, as ROS prints."""

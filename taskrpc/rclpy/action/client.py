@@ -115,7 +115,9 @@ class _PartClient(Client[Any, Any]):
     def _as_in_ros(
         self, response: Any, error: BaseException | None
     ) -> tuple[Any, BaseException | None]:
-        """Return ROS's response where a server of the native API says why it rejected or aborted.
+        """Replace the error of a rejected or aborted goal by the response that ROS defines for it.
+
+        A server of the native API sends an error with the reason; a server of ROS cannot.
 
         The future keeps the error if the callback that accepts goals raised an exception, and if
         the server ended before the goal.

@@ -112,7 +112,7 @@ class ServerGoalHandle(Generic[GoalT, ResultT, FeedbackT]):
 
     @property
     def status(self) -> int:
-        """Where the goal stands, a constant of `action_msgs.msg.GoalStatus`."""
+        """The state of the goal, a constant of `action_msgs.msg.GoalStatus`."""
         return int(self._state)
 
     @property
@@ -204,9 +204,9 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
 
     Arguments:
         execute_callback: `execute_callback(goal_handle)` returns the result, plain or async.
-        goal_callback: decides by the goal message whether to accept a goal; by default, all.
+        goal_callback: gets the goal message and decides whether to accept; by default, always.
         handle_accepted_callback: receives each accepted goal; by default, it executes the goal.
-        cancel_callback: decides by the goal handle whether to cancel a goal; by default, none.
+        cancel_callback: gets the goal handle and decides whether to cancel; by default, never.
         result_timeout: seconds for which the server keeps a result.
     """
 
@@ -275,19 +275,19 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     # Callbacks
 
     def register_handle_accepted_callback(self, callback: Callable[[Any], Any] | None) -> None:
-        """Call this with the handle of each accepted goal; None: execute the goal at once."""
+        """Set the callback for the handle of each accepted goal; None: execute the goal at once."""
         self._handle_accepted_callback = callback or default_handle_accepted_callback
 
     def register_goal_callback(self, callback: Callable[[Any], Any] | None) -> None:
-        """Let this decide whether to accept a goal; None: accept all."""
+        """Set the callback that decides whether to accept a goal; None: accept all goals."""
         self._goal_callback = callback or default_goal_callback
 
     def register_cancel_callback(self, callback: Callable[[Any], Any] | None) -> None:
-        """Let this decide whether to cancel a goal; None: cancel none."""
+        """Set the callback that decides whether to cancel a goal; None: cancel no goal."""
         self._cancel_callback = callback or default_cancel_callback
 
     def register_execute_callback(self, execute_callback: Callable[[Any], Any] | None) -> None:
-        """Call this for each goal that is executed; TypeError for an object that is no function."""
+        """Set the callback that executes a goal; raises TypeError if it is not callable."""
         if not callable(execute_callback):
             raise TypeError("Failed to register goal execution callback: not callable")
         self._execute_callback = execute_callback
@@ -310,7 +310,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     # Requests
 
     async def _handle_request(self, taken: Taken) -> None:
-        """Handle a request; if a callback raises, tell the caller and raise."""
+        """Handle a request; if a callback raises, send the caller an error, and raise."""
         service, header, request = taken
         try:
             if service is self._parts.goals:
@@ -382,7 +382,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             return False
         try:
             handle._update_state(GoalEvent.CANCEL_GOAL)
-        except RCLError as error:  # it ended while the callback decided
+        except RCLError as error:  # the goal ended while the callback decided
             self._logger.debug(f"Failed to cancel goal in cancel callback: {error}")
             return False
         return True
@@ -473,7 +473,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         future.set_result(response)
 
     def _as_result(self, value: Any) -> Any:
-        """Return the value as a result. As in ROS, another message with the fields will do."""
+        """Return the value as a result. As in ROS, any object with the same fields is accepted."""
         expected = self._action_type.Result
         if isinstance(value, expected):
             return value

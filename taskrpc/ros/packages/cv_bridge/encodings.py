@@ -1,4 +1,4 @@
-"""The encodings of images: what their names say of channels and bits."""
+"""The encodings of images: reads channels and bits from their names."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _PLAIN_DTYPES = {
 
 
 class Encoding(NamedTuple):
-    """What a name such as `bgr8` or `32FC1` says.
+    """The parts of an encoding's name, such as `bgr8` or `32FC1`.
 
     Attributes:
         dtype: the name of NumPy's type of one channel.
@@ -63,7 +63,7 @@ class Encoding(NamedTuple):
 
 
 def encoding_of(name: str) -> Encoding:
-    """What a name says; ValueError for an unknown name."""
+    """Return the encoding of a name; ValueError for an unknown name."""
     for known, by_opencv in ((_COLOURS, False), (_BAYER, True), (_YUV, True)):
         if name in known:
             bits, channels = known[name]

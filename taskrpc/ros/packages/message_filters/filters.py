@@ -237,7 +237,7 @@ class ApproximateTimeSynchronizer(TimeSynchronizer):
 
 
 def _stamp(message: Any, allow_headerless: bool) -> Time | None:
-    """The time in a message's header; None after a warning if it may not be without one."""
+    """Return the time in a message's header; None, after a warning, if there is no header."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
     if stamp is not None:
         return stamp if hasattr(stamp, "nanoseconds") else Time.from_msg(stamp)

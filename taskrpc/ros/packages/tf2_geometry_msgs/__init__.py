@@ -4,7 +4,7 @@ Importing it registers the types, so that `Buffer.transform` takes them. The fun
 module of the same name. The conversions to PyKDL are not here.
 """
 
-# Programs take these messages from here, too: ROS's module passes them on.
+# ROS's module also contains these messages, and programs import them from it.
 from geometry_msgs.msg import (
     PointStamped,
     Pose,

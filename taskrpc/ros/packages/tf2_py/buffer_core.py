@@ -43,11 +43,11 @@ class BufferCore:
         self._tree_lock = threading.Lock()
 
     def set_transform(self, transform: Any, authority: str) -> None:
-        """Take a TransformStamped. One that cannot be used is reported on stderr, as in tf2."""
+        """Store a TransformStamped; report an invalid one on stderr, as tf2 does."""
         self._set(transform, authority, is_static=False)
 
     def set_transform_static(self, transform: Any, authority: str) -> None:
-        """Take a TransformStamped that holds at all times."""
+        """Store a static TransformStamped."""
         self._set(transform, authority, is_static=True)
 
     def _set(self, message: Any, authority: str, *, is_static: bool) -> None:

@@ -1,6 +1,6 @@
 """All frames as text: the YAML of the service `tf2_frames`, and a graph for graphviz.
 
-Both have the format of tf2, to the letter.
+Both have exactly the format of tf2.
 """
 
 from __future__ import annotations

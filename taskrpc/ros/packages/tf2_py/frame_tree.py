@@ -1,7 +1,7 @@
-"""A tree of frames: which transforms it takes, and the transform between any two frames.
+"""A tree of frames: stores transforms, and computes the transform between any two frames.
 
-Times are nanoseconds; 0 means the latest time that all frames on the way have in common. The texts
-of the exceptions and refusals are those of tf2.
+Times are nanoseconds; 0 means the latest time that is known for all frames between the two.
+Exceptions and refusals have the texts of tf2.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ DEFAULT_CACHE_TIME = 10_000_000_000
 """How long a frame's transforms are kept: 10 s."""
 
 _MOST_PARENTS = 1000
-"""A way with more frames goes in a loop."""
+"""A chain with more parents than this is a loop."""
 
 
 class FrameTree:
@@ -52,7 +52,7 @@ class FrameTree:
         *,
         is_static: bool = False,
     ) -> list[str]:
-        """Take a transform from a frame to its parent.
+        """Store a transform from a frame to its parent.
 
         As in tf2, a leading slash of a name is dropped, and a quaternion of another length than 1
         is normalised.
@@ -87,7 +87,7 @@ class FrameTree:
     # Lookups
 
     def lookup(self, target: str, source: str, time: int) -> tuple[Transform, int]:
-        """The transform that takes coordinates in `source` to coordinates in `target`.
+        """The transform that converts coordinates from `source` to `target`.
 
         Returns:
             The transform, and its time: the given one or, for time 0, the latest common one.
@@ -95,7 +95,7 @@ class FrameTree:
         Raises:
             LookupException: a frame does not exist.
             ConnectivityException: the frames are in different trees.
-            ExtrapolationException: the time is outside the histories on the way.
+            ExtrapolationException: the time is outside the history of a frame between the two.
             InvalidArgumentException: a name is empty or begins with a slash.
         """
         if target == source:
@@ -188,10 +188,10 @@ class FrameTree:
             for name, parent, _, _ in self.frames()
         )
 
-    # The way between two frames
+    # The chain of frames between two frames
 
     def _way(self, target: str, source: str, time: int) -> tuple[list[Entry], list[Entry], int]:
-        """The entries from `source` up to the first common frame, those from `target`, the time."""
+        """Return the entries from `source` and from `target` up to a common frame, and the time."""
         if time == LATEST:
             time = self._latest_common_time(target, source)
         up: list[Entry] = []
@@ -351,7 +351,7 @@ def _when(source: str, target: str) -> str:
 
 
 def _combined(way: list[Entry]) -> Transform:
-    """The transform of a whole way up."""
+    """The transform from the first frame of a chain to its last parent."""
     whole = Transform()
     for entry in way:
         whole = entry.transform.after(whole)

@@ -47,7 +47,7 @@ def rotate(q: Quaternion, v: Vector) -> Vector:
 
 
 def normalized(q: Quaternion) -> Quaternion:
-    """The unit quaternion of the same rotation, of two the one that tf2 gives.
+    """The unit quaternion of the same rotation; of the two possible ones, that of tf2.
 
     tf2 keeps rotations as matrices. So the sign of a quaternion that it returns does not depend
     on the sign that it got: `w` is positive, or for rotations by more than 120 degrees the largest

@@ -5,7 +5,7 @@ Start with `buffer`; the tree of frames behind it is in `tf2_py`. The programs o
 There is no BufferServer, since ROS has it only for C++.
 """
 
-# Programs import the names of other packages from here, too: ROS's modules pass them all on.
+# ROS's `tf2_ros` also contains these names of other packages, and programs import them from it.
 from geometry_msgs.msg import (
     PointStamped,
     PoseStamped,

@@ -27,7 +27,7 @@ class Buffer(BufferCore, BufferInterface):
 
     Args:
         cache_time: how long transforms are kept; 10 seconds by default.
-        node: gets the service `tf2_frames`, and its clock tells the buffer of jumps in time.
+        node: offers the service `tf2_frames`; if its clock jumps back, the buffer is cleared.
     """
 
     def __init__(self, cache_time: Duration | None = None, node: Any = None) -> None:
@@ -59,12 +59,12 @@ class Buffer(BufferCore, BufferInterface):
         self.clear()
 
     def set_transform(self, transform: Any, authority: str) -> None:
-        """Take a TransformStamped, and wake the waiting lookups."""
+        """Store a TransformStamped, and wake the waiting lookups."""
         super().set_transform(transform, authority)
         self._wake()
 
     def set_transform_static(self, transform: Any, authority: str) -> None:
-        """Take a TransformStamped that holds at all times, and wake the waiting lookups."""
+        """Store a static TransformStamped, and wake the waiting lookups."""
         super().set_transform_static(transform, authority)
         self._wake()
 
@@ -84,16 +84,16 @@ class Buffer(BufferCore, BufferInterface):
         time: Time,
         timeout: Duration = Duration(),  # noqa: B008 - ROS's default; durations never change
     ) -> TransformStamped:
-        """The transform that takes coordinates in the source frame to the target frame.
+        """The transform that converts coordinates from the source frame to the target frame.
 
         Args:
             target_frame: the frame of the result.
             source_frame: the frame of the data.
-            time: when; `Time()` asks for the latest common time.
+            time: the time of the transform; `Time()` means the latest common time.
             timeout: how long to wait for the transform.
 
         Raises:
-            TransformException: one of its subclasses says why there is no such transform.
+            TransformException: the transform is unknown; the subclass and the text say why.
         """
         self.can_transform(target_frame, source_frame, time, timeout)
         return self.lookup_transform_core(target_frame, source_frame, time)
@@ -150,7 +150,7 @@ class Buffer(BufferCore, BufferInterface):
             source_frame: likewise.
             time: likewise.
             timeout: how long to wait for the transform.
-            return_debug_tuple: return also why the transform is not there.
+            return_debug_tuple: return a tuple of the answer and the reason for a False.
         """
         found = self._wait(
             lambda: self.can_transform_core(target_frame, source_frame, time), timeout
@@ -173,9 +173,9 @@ class Buffer(BufferCore, BufferInterface):
         return found if return_debug_tuple else found[0]
 
     def _wait(self, look: Callable[[], tuple[bool, str]], timeout: Duration) -> tuple[bool, str]:
-        """Look until the transform is there or the time is over; the last answer.
+        """Call `look` until it finds the transform or the timeout ends; return its last result.
 
-        The time is the system's, as in ROS: a paused simulation does not stop it.
+        The timeout runs on the system's clock, as in ROS, so it also ends in a paused simulation.
         """
         if not hasattr(timeout, "nanoseconds"):
             kind = type(timeout).__qualname__
@@ -189,7 +189,7 @@ class Buffer(BufferCore, BufferInterface):
         return found
 
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time) -> Future:
-        """A future that gets the transform as soon as it is there. Its result is the transform."""
+        """A future of the transform; it is done as soon as the buffer has the transform."""
         return self._future(
             lambda: self.can_transform_core(target_frame, source_frame, time),
             lambda: self.lookup_transform_core(target_frame, source_frame, time),

@@ -29,7 +29,7 @@ class BufferClient(BufferInterface):
     Args:
         node: the node of the action client.
         ns: the name of the server's action.
-        check_frequency: only for programs that pass it; the client does not poll.
+        check_frequency: has no effect, because the client does not poll.
         timeout_padding: how much longer than its own timeout a lookup may take.
     """
 

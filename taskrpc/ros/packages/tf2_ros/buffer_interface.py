@@ -1,4 +1,4 @@
-"""What buffers have in common: transforming messages, and converting them to other types."""
+"""The base class of buffers: transforms messages, and converts them to other types."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class BufferInterface:
         timeout: Duration = Duration(),  # noqa: B008 - ROS's default; durations never change
         new_type: Any = None,
     ) -> Any:
-        """A message with a header, in another frame, at the time of its header.
+        """Return a message in another frame; the header gives its present frame and the time.
 
         Args:
             object_stamped: the message; `import tf2_geometry_msgs` registers types.

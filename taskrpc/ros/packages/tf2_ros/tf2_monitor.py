@@ -22,7 +22,7 @@ _PERIOD = 0.5
 _REPORTS_EVERY = 20
 """Periods between two reports: 10 seconds."""
 _NOBODY = "<no authority available>"
-"""Stands for the senders, which messages do not name."""
+"""Printed in place of a sender's name, because messages do not contain it."""
 
 
 class Delays:
@@ -75,7 +75,7 @@ class Monitor(Node):
     """The node `tf2_monitor`.
 
     Args:
-        frames: the two frames whose way is watched; empty for all frames.
+        frames: the two frames between which delays are measured; empty for all frames.
     """
 
     def __init__(self, frames: list[str]) -> None:
@@ -105,7 +105,7 @@ class Monitor(Node):
         return float(self.get_clock().now().nanoseconds / 1e9)
 
     def watch(self) -> None:
-        """Measure the delay of the way between the frames; report every 10 seconds."""
+        """Measure the delay between the frames; print a report every 10 seconds."""
         if self._frames and not self._measure():
             return
         self._periods += 1
@@ -121,7 +121,7 @@ class Monitor(Node):
         print(self._delays.report(self._chain if self._frames else None), flush=True)
 
     def _measure(self) -> bool:
-        """Whether the transform is there; then its delay is measured."""
+        """Measure the delay of the transform; False if the transform is unknown."""
         first, second = self._frames
         found, why_not = self._buffer.can_transform_core(first, second, Time())
         if not found:

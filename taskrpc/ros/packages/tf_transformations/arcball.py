@@ -80,7 +80,7 @@ class Arcball:
             self._qnow = numbers(quaternion_multiply(turn, self._qdown))
 
     def next(self, acceleration: float = 0.0) -> None:
-        """Turn on, as in the last drag."""
+        """Continue the rotation of the last drag."""
         turned = quaternion_slerp(self._qpre, self._qnow, 2 + acceleration, 0)
         self._qpre, self._qnow = self._qnow, turned
 
