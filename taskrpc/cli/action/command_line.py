@@ -35,8 +35,8 @@ def _add_echo(commands: Commands) -> None:
     what = "Type of the action (e.g. 'example_interfaces/action/Fibonacci')"
     parser.add_argument("action_type", nargs="?", default="", help=what)
     what = (
-        "What to output, separated by |: GOAL_SERVICE, CANCEL_SERVICE, RESULT_SERVICE,"
-        " FEEDBACK_TOPIC, STATUS_TOPIC (all)"
+        "Parts of the action to output, separated by |: GOAL_SERVICE, CANCEL_SERVICE,"
+        " RESULT_SERVICE, FEEDBACK_TOPIC, STATUS_TOPIC (all)"
     )
     parser.add_argument("-i", "--interfaces", metavar="NAMES", help=what)
     what = "Output all values separated by commas (e.g. for plotting)"
@@ -98,7 +98,7 @@ def _add_send_goal(commands: Commands) -> None:
     what = (
         "Type of the action (e.g. 'example_interfaces/action/Fibonacci'; optional, because the"
         ' server reports it), then values of the goal, in YAML format (e.g. "{order: 10}") or as'
-        " FIELD=VALUE; without values the goal has its defaults"
+        " FIELD=VALUE; other fields keep their defaults"
     )
     parser.add_argument("goal", nargs="*", default=[], metavar="TYPE, VALUES", help=what)
     parser.usage = "%(prog)s [options] action_name [TYPE] [YAML | FIELD=VALUE ...]"
@@ -106,8 +106,8 @@ def _add_send_goal(commands: Commands) -> None:
     what = "Print the feedback of the goal"
     parser.add_argument("-f", "--feedback", action="store_true", help=what)
     what = (
-        f"Seconds until the server has accepted or rejected the goal ({_TIMEOUT:g});"
-        " 0 or inf: no limit"
+        "How many seconds to wait until the server accepts or rejects the goal"
+        f" ({_TIMEOUT:g}); 0 or inf: no limit"
     )
     parser.add_argument("--timeout", metavar="S", type=_time_limit, default=_TIMEOUT, help=what)
     what = "Print the feedback and the result as one line of JSON each"

@@ -161,7 +161,7 @@ class _Sender:
         known.pop(self._name, None)
         waited = f"(waited {self._plan.timeout:g} s)"
         error = ServiceUnavailable(f"no server offers the action {self._name} {waited}")
-        there_are = f"there are {', '.join(known)}" if known else "no program offers an action"
+        there_are = f"there are {', '.join(known)}" if known else "start an action server first"
         return hinted(error, did_you_mean(self._name, known) or there_are)
 
     def _left(self) -> float | None:

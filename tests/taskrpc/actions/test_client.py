@@ -39,7 +39,7 @@ async def test_a_goal_whose_response_is_lost_runs_once(fault):
         assert sleeper.begun == [1]
 
 
-async def test_a_goal_that_the_program_has_given_up_is_cancelled():
+async def test_a_goal_is_cancelled_if_its_client_stops_waiting_for_the_decision():
     sleeper = Sleeper()
     faults = CallFaults(f"lose-response:first=2,service={SEND}")
     async with programs(sleeper, node={"faults": faults}) as (_, server, client):
@@ -178,7 +178,7 @@ async def test_a_program_that_reads_slowly_gets_the_newest_feedback():
         assert [each async for each in handle.feedback] == []
 
 
-async def test_feedback_that_nobody_reads_does_not_delay_the_goal():
+async def test_unread_feedback_does_not_delay_the_goal():
     async with programs(count_up) as (_, _, client):
         handle = await client.send_goal(order(1000))
         assert await handle.result() == result()

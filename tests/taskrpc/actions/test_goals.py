@@ -139,7 +139,7 @@ GOALS = {
         (9, 10, CancelCode.NONE, [1]),
     ],
 )
-def test_a_request_to_cancel_means_the_goals_that_it_means_in_ros(number, stamp, code, expected):
+def test_a_cancel_request_selects_the_same_goals_as_in_ros(number, stamp, code, expected):
     found, named = goals_to_cancel(GOALS, key(number), stamp)
     assert (found, [goal.goal_id for goal in named]) == (code, [key(n) for n in expected])
 

@@ -53,7 +53,7 @@ async def test_one_goal_runs_at_a_time_in_the_order_of_arrival():
         assert asyncio.get_running_loop().time() < 7
 
 
-async def test_with_concurrency_that_many_goals_run_at_a_time():
+async def test_concurrency_is_the_number_of_goals_that_run_at_a_time():
     sleeper = Sleeper()
     async with programs(sleeper, concurrency=2) as (_, _, client):
         handles = [await client.send_goal(order(number)) for number in (5, 1, 2)]
@@ -339,7 +339,7 @@ async def test_with_many_goals_the_status_is_published_less_often(monkeypatch):
 # The end of the server
 
 
-async def test_a_destroyed_server_ends_what_runs_and_aborts_what_waits():
+async def test_a_destroyed_server_completes_running_goals_and_aborts_waiting_goals():
     sleeper = Sleeper()
     async with programs(sleeper) as (_, server, client):
         runs, waits = [await client.send_goal(order(number)) for number in (3, 1)]

@@ -31,7 +31,7 @@ STATES = {
 
 @pytest.mark.parametrize("event", GoalEvent)
 @pytest.mark.parametrize("state", GoalState)
-def test_each_event_does_in_each_state_what_it_does_in_ros(state, event):
+def test_each_event_changes_each_state_as_in_ros(state, event):
     following = STATES[state.name].get(event.name)
     if following is None:
         with pytest.raises(InvalidTransition) as refused:

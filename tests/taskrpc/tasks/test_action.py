@@ -181,7 +181,7 @@ async def test_hundreds_of_goals_wait_in_the_queue():
         assert [each.task_id for each in results] == list(range(1, 301))
 
 
-async def test_a_task_whose_goal_is_given_up_while_it_is_stored_is_cancelled(lab, monkeypatch):
+async def test_a_task_is_cancelled_if_its_client_stops_waiting_while_it_is_stored(lab, monkeypatch):
     submit = lab.server.manager.submit
 
     async def slowly(*arguments, **options):

@@ -126,7 +126,7 @@ def test_a_rotation_reaches_its_heading_the_short_way(theta, goal):
     assert world.step(9.0)["turtle1"].rotation is None
 
 
-def test_a_new_rotation_replaces_an_earlier_one_and_a_stopped_one_stands():
+def test_a_new_rotation_replaces_an_earlier_one_and_a_stopped_turtle_stays():
     world, turtle = a_turtle()
     turtle.rotate_to(3.0)
     steps(world, 10)
