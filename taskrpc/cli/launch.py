@@ -75,6 +75,7 @@ def _launch(path: Path, arguments: dict[str, str], words: list[str], options: Na
 
     from taskrpc.ros.process_tree import end_children_with_this_process
 
+    _tolerate_missing_packages()
     config = launch.logging.launch_config
     config.level = logging.DEBUG if options.debug else logging.INFO
     logger = launch.logging.get_logger("launch")
@@ -91,6 +92,20 @@ def _launch(path: Path, arguments: dict[str, str], words: list[str], options: Na
     service.include_launch_description(launch.LaunchDescription([include, check]))
     code = int(service.run())
     return Exit.INTERRUPTED if service.is_interrupted and not code else code
+
+
+def _tolerate_missing_packages() -> None:
+    """Let a launch file name the folders of packages that are not here, unless misspelt."""
+    from ament_index_python import packages
+
+    from taskrpc.ros import hook, workspace
+    from taskrpc.ros.executables import missing_folder
+
+    def stand_in(name: str) -> Path | None:
+        is_misspelt = _guess(name, workspace.packages(*hook.starts()))
+        return None if is_misspelt else missing_folder(name)
+
+    packages.stand_in = stand_in
 
 
 def _name_unknown(context: Any, arguments: dict[str, str], logger: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,9 +10,22 @@ from srvgen.definitions.names import similar_names
 from taskrpc.errors import TaskRpcError
 from taskrpc.ros import bundled, cmake, installed, workspace
 
+_MISSING = "taskrpc-does-not-have"
+
 
 class NotHere(TaskRpcError):
     """The executable needs a real ROS 2."""
+
+
+def missing_folder(package: str) -> Path:
+    """The folder that stands for a package that is not here; it does not exist."""
+    return Path(tempfile.gettempdir(), _MISSING, package)
+
+
+def missing_package(path: str) -> str:
+    """The package whose missing folder contains a path, "" for any other path."""
+    parts = Path(path).parts
+    return parts[parts.index(_MISSING) + 1] if _MISSING in parts[:-1] else ""
 
 
 def run_arguments(package: str, executable: str, starts: Sequence[Path]) -> list[str]:

@@ -86,6 +86,25 @@ def test_missing_package_or_file_is_one_line(launch):
     )
 
 
+def test_launch_file_of_a_missing_package_is_left_out(launch, tmp_path):
+    (tmp_path / "a.launch.py").write_text(
+        "import os\nfrom ament_index_python.packages import get_package_share_directory\n"
+        "from launch import LaunchDescription\n"
+        "from launch.actions import IncludeLaunchDescription, LogInfo\n"
+        "def generate_launch_description():\n"
+        "    share = get_package_share_directory('gazebo_ros')\n"
+        "    world = IncludeLaunchDescription(os.path.join(share, 'launch', 'world.launch.py'))\n"
+        "    return LaunchDescription([world, LogInfo(msg='the rest')])\n"
+    )
+    code, out, _ = launch("a.launch.py")
+    assert code == 0
+    assert out.splitlines()[2:] == [
+        "[WARNING] [launch]: the launch file world.launch.py of the package 'gazebo_ros' is left"
+        " out: taskrpc does not have this package",
+        "[INFO] [launch.user]: the rest",
+    ]
+
+
 def test_malformed_argument_is_named():
     assert parse_arguments(["a:=1", "a:=2", "b:="]) == {"a": "2", "b": ""}
     for word in ("a", ":=1", "a=1"):

@@ -5,11 +5,23 @@ from __future__ import annotations
 import os
 import re
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 from srvgen.files import archive
 from srvgen.files.search import BUNDLED
 from taskrpc.ros import hook, workspace
+
+
+def _no_folder(_: str) -> Path | None:
+    return None
+
+
+stand_in: Callable[[str], Path | None] = _no_folder
+"""Returns the folder to use for a package that is not here, None to raise the error.
+
+`taskrpc launch` sets it, so that a launch file starts what is here.
+"""
 
 
 class PackageNotFoundError(KeyError):
@@ -26,6 +38,8 @@ def get_package_share_path(package_name: str, print_warning: bool = True) -> Pat
     folder = _packages().get(package_name)
     if folder is None and archive.definitions(package_name):
         return archive.unpacked(package_name)
+    if folder is None:
+        folder = stand_in(package_name)
     if folder is None:
         places = [str(one) for one in _starts()]
         raise PackageNotFoundError(f"package '{package_name}' not found, searching: {places}")

@@ -6,13 +6,16 @@ import os
 from collections.abc import Iterable
 from typing import Any
 
+from taskrpc.ros.executables import missing_package
+
 from ..action import Action
 from ..launch_context import LaunchContext
 from ..launch_description import LaunchDescription
 from ..launch_description_entity import LaunchDescriptionEntity
 from ..launch_description_source import LaunchDescriptionSource
 from ..launch_description_sources import AnyLaunchDescriptionSource
-from ..substitution import perform
+from ..logging import get_logger
+from ..substitution import perform, perform_substitutions
 from .arguments import SetLaunchConfiguration
 from .control import OpaqueFunction
 
@@ -65,6 +68,13 @@ class IncludeLaunchDescription(Action):
 
     def execute(self, context: LaunchContext) -> list[Any] | None:
         """Load the launch file; returns what to execute, between new and old local values."""
+        path = perform_substitutions(context, self._source.location_substitutions)
+        if package := missing_package(path):
+            get_logger("launch").warning(
+                f"the launch file {os.path.basename(path)} of the package '{package}' is left out:"
+                " taskrpc does not have this package"
+            )
+            return None
         description = self._source.get_launch_description(context)
         self._check_arguments(description, context)
         known = context.get_locals_as_dict()
