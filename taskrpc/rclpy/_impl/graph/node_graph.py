@@ -160,7 +160,11 @@ def actions_of(topics: Iterable[tuple[str, list[str]]]) -> NamesAndTypes:
 
 
 def _entries(handle: NodeHandle) -> list[RegistryEntry]:
-    """The visible processes, each with its nodes, topics and services."""
+    """The visible processes, each with its nodes, topics and services.
+
+    Raises InvalidHandle for a destroyed node.
+    """
+    handle.check()
     return handle.bridge.graph()
 
 

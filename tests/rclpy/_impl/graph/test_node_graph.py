@@ -3,7 +3,7 @@
 import pytest
 
 import srvgen
-from taskrpc.rclpy.exceptions import NodeNameNonExistentError
+from taskrpc.rclpy.exceptions import InvalidHandle, NodeNameNonExistentError
 from tests.rclpy.living import living
 
 pytestmark = pytest.mark.real_time
@@ -49,6 +49,13 @@ def test_services_are_seen_with_their_types(node):
 def test_a_question_about_an_unknown_node_is_refused(node):
     with pytest.raises(NodeNameNonExistentError, match="nonexistent node: /ns, nobody"):
         node.get_service_names_and_types_by_node("nobody", "/ns")
+
+
+def test_a_destroyed_node_sees_nothing(node):
+    node.destroy_node()
+    for question in (node.get_node_names, node.get_topic_names_and_types):
+        with pytest.raises(InvalidHandle):
+            question()
 
 
 def test_every_node_has_what_rosss_command_line_shows():
