@@ -19,7 +19,7 @@ _USAGE = """taskrpc launch [-h] [OPTIONS] PACKAGE FILE [NAME:=VALUE ...]
        taskrpc launch [-h] [OPTIONS] PATH [NAME:=VALUE ...]"""
 _LEFT_OUT = {"build", "install", "log", "__pycache__", ".git"}
 _SETTINGS = {"emulate_tty", "sigterm_timeout", "sigkill_timeout"}
-"""Launch configurations of `launch` itself."""
+"""Launch configurations that `launch` itself reads, even if the launch file does not use them."""
 
 
 def configure(parser: ArgumentParser) -> None:
@@ -28,12 +28,12 @@ def configure(parser: ArgumentParser) -> None:
     parser.add_argument("target", metavar="PACKAGE", help="a package, or the path of a launch file")
     what = "the launch file's name, without its folder; then arguments, as NAME:=VALUE"
     parser.add_argument("rest", metavar="FILE", nargs="*", help=what)
-    what = "do not expect Ctrl-C from a terminal"
+    what = "tell the launch file that no terminal is attached; nothing else changes"
     parser.add_argument("-n", "--noninteractive", action="store_true", help=what)
     what = "print tracebacks of errors in launch files"
     parser.add_argument("-d", "--debug", action="store_true", help=what)
     shown = parser.add_mutually_exclusive_group()
-    what = "print what the launch file does, and start nothing"
+    what = "print the actions of the launch file, and start nothing"
     shown.add_argument(
         *("-p", "--print", "--print-description"), dest="print", action="store_true", help=what
     )
@@ -41,11 +41,11 @@ def configure(parser: ArgumentParser) -> None:
     shown.add_argument(
         *("-s", "--show-args", "--show-arguments"), dest="show", action="store_true", help=what
     )
-    what = "show the output of all programs, whatever the launch file says"
+    what = "show the output of all programs, also if the launch file hides it"
     parser.add_argument("-a", "--show-all-subprocesses-output", action="store_true", help=what)
-    what = "start all programs through this command"
+    what = "put this command before the command of each program, such as 'gdb -ex run --args'"
     parser.add_argument("--launch-prefix", metavar="COMMAND", help=what)
-    what = "only for programs whose names match this regular expression"
+    what = "use --launch-prefix only for programs whose names match this regular expression"
     parser.add_argument("--launch-prefix-filter", metavar="REGEX", help=what)
     parser.set_defaults(run=_run)
 
@@ -109,7 +109,7 @@ def _tolerate_missing_packages() -> None:
 
 
 def _name_unknown(context: Any, arguments: dict[str, str], logger: Any) -> None:
-    """Warn of arguments that no part of the launch file has used."""
+    """Warn about arguments that the launch file does not use."""
     from srvgen.definitions.names import similar_names
 
     used = context.used_configurations
@@ -137,7 +137,7 @@ def parse_arguments(words: list[str]) -> dict[str, str]:
 
 
 def _launch_file(target: str, rest: list[str]) -> tuple[Path, list[str]]:
-    """The launch file that the command line names, and the words behind it."""
+    """Return the launch file that the command line names, and the words after it."""
     has_name = bool(rest) and ":=" not in rest[0]
     if not has_name:
         if os.path.isfile(target):

@@ -10,7 +10,7 @@ from .launch_description_entity import LaunchDescriptionEntity
 
 
 class Action(LaunchDescriptionEntity):
-    """Something that a launch file does when its turn comes."""
+    """Something that a launch file does. The launch executes its actions one after the other."""
 
     def __init__(self, *, condition: Condition | None = None) -> None:
         self._condition = condition
@@ -41,5 +41,5 @@ class Action(LaunchDescriptionEntity):
         return None
 
     def execute(self, context: LaunchContext) -> list[Any] | None:
-        """Do the action's work; returns the entities to visit next."""
+        """Do the work of the action; return the entities that the launch executes next."""
         return None

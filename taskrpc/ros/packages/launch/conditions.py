@@ -16,7 +16,7 @@ _FALSE = ("false", "0")
 
 
 class Condition:
-    """Decides whether an action is executed, when its turn comes."""
+    """Decides whether the launch executes an action."""
 
     def __init__(self, *, predicate: Callable[[LaunchContext], bool] | None = None) -> None:
         self._predicate = predicate
@@ -47,7 +47,7 @@ class UnsupportedConditionError(InvalidConditionExpressionError):
 
 
 def evaluate_condition_expression(context: LaunchContext, expression: Any) -> bool:
-    """Compute a text and return whether it is `true` or `1`; capitals do not matter.
+    """Compute a text and return whether it is `true` or `1`; upper and lower case are equal.
 
     Raises InvalidConditionExpressionError if it is neither that nor `false` or `0`.
     """

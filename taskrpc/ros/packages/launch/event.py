@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class Event:
-    """Something that happened, or that a part of the launch file asks for."""
+    """Something that has happened, or a request from a part of the launch file."""
 
     name = "Event"
     """The event's name in descriptions."""

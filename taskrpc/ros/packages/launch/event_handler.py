@@ -11,7 +11,7 @@ from .launch_description_entity import LaunchDescriptionEntity, entities_of
 
 
 class BaseEventHandler:
-    """Decides which events it wants, and which entities are executed for them.
+    """Selects events, and decides which entities the launch executes for them.
 
     Args:
         matcher: returns whether the handler wants an event.
@@ -29,16 +29,16 @@ class BaseEventHandler:
 
     @property
     def handler_description(self) -> str:
-        """What the handler does."""
+        """A description of the handler's work."""
         return type(self).__name__
 
     @property
     def matcher_description(self) -> str:
-        """Which events the handler wants."""
+        """A description of the events that the handler selects."""
         return repr(self._matcher)
 
     def matches(self, event: Event) -> bool:
-        """Return whether the handler wants an event."""
+        """Return whether the handler selects an event."""
         return bool(self._matcher(event))
 
     def describe(self) -> tuple[str, list[LaunchDescriptionEntity]]:
@@ -54,7 +54,7 @@ class BaseEventHandler:
 
 
 class EventHandler(BaseEventHandler):
-    """Executes the same entities for each event that it wants."""
+    """Executes the same entities for each event that it selects."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""Event handlers: what a launch does when a program starts, writes or ends."""
+"""Event handlers: react when a program starts, writes or ends."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class OnActionEventBase(BaseEventHandler):
 
     @property
     def matcher_description(self) -> str:
-        """Which events the handler wants."""
+        """A description of the events that the handler selects."""
         target = "any action" if self._target is None else self._target
         return f"event == {self._event_kind.__name__} and event.action == {target}"
 
@@ -163,7 +163,7 @@ class OnShutdown(BaseEventHandler):
 
     @property
     def matcher_description(self) -> str:
-        """Which events the handler wants."""
+        """A description of the events that the handler selects."""
         return "event issubclass of launch.events.Shutdown"
 
     def describe(self) -> tuple[str, list[LaunchDescriptionEntity]]:

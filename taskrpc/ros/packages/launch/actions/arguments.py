@@ -44,7 +44,7 @@ class DeclareLaunchArgument(Action):
             self._description = f"{description}. " if description else ""
             self._description += f"Valid choices are: {self._choices}"
         self.is_conditional = False
-        """Whether the argument may not be used; set by `get_launch_arguments`."""
+        """Whether a condition decides if it is declared; set by `get_launch_arguments`."""
 
     @property
     def name(self) -> str:
@@ -145,7 +145,7 @@ class PopLaunchConfigurations(Action):
 
 
 class ResetLaunchConfigurations(Action):
-    """Removes all launch configurations but the given ones."""
+    """Removes all launch configurations except the given ones."""
 
     def __init__(self, launch_configurations: Mapping[Any, Any] | None = None, **kwargs: Any):
         super().__init__(**kwargs)

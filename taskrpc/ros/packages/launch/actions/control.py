@@ -107,7 +107,7 @@ class OpaqueFunction(Action):
 
 
 class OpaqueCoroutine(Action):
-    """Runs a coroutine function of the launch file beside the launch."""
+    """Runs a coroutine function of the launch file while the launch continues."""
 
     def __init__(
         self,
@@ -188,7 +188,7 @@ class TimerAction(Action):
         return [(f"after {period} seconds", self._actions)]
 
     def cancel(self) -> None:
-        """End the waiting without executing the entities."""
+        """Stop waiting; the entities are not executed."""
         self._is_cancelled = True
         if self._future is not None:
             self._future.cancel()
@@ -291,7 +291,7 @@ class Shutdown(EmitEvent):
         super().__init__(event=ShutdownEvent(reason=reason), **kwargs)
 
     def execute(self, context: LaunchContext) -> list[Any] | None:
-        """Emit the event; if the end of a program is the reason, name it."""
+        """Emit the event; if the end of a program caused it, the reason names this program."""
         event = context.get_locals_as_dict().get("event")
         if isinstance(event, ProcessExited) and not context.is_shutdown:
             get_logger("launch").info(
@@ -374,7 +374,7 @@ class ForEach(Action):
 
 
 class ForLoop(Action):
-    """Calls a function with 0, 1, 2 and so on, as often as a text says."""
+    """Calls a function with 0, 1, 2 and so on; a text gives the number of calls."""
 
     def __init__(
         self, length: SomeSubstitutionsType, *, function: Callable[[int], Any], **kwargs: Any

@@ -44,7 +44,7 @@ class PreparedCommand(NamedTuple):
     command: list[str] | str
     """The program and its arguments, or a line for the shell."""
     shown: list[str]
-    """The same for messages and events."""
+    """The command as log lines and events show it."""
     cwd: str | None = None
     env: Mapping[str, str] | None = None
 
@@ -164,13 +164,13 @@ class ExecuteLocal(Action):
         return self._on_exit if isinstance(self._on_exit, list) else []
 
     def get_asyncio_future(self) -> asyncio.Future[None] | None:
-        """A future that is done when the program has ended for good."""
+        """A future that is done when the program has ended and is not started again."""
         return self._completed
 
     # The start
 
     def execute(self, context: LaunchContext) -> list[Any] | None:
-        """Start the program and register what watches it."""
+        """Start the program, and register the event handlers that control it."""
         if self._details is not None:
             raise RuntimeError(f"ExecuteLocal action '{self.final_name}': executed more than once")
         prepared = self.prepare_command(context)
@@ -308,7 +308,7 @@ class ExecuteLocal(Action):
     # The end
 
     def signal(self, number: int, name: str) -> None:
-        """Send the program a signal, and say so."""
+        """Send the program a signal, and log it."""
         if self._tree is None or self._tree.returncode is not None:
             return
         get_logger(self.final_name).info(f"sending signal '{name}' to process[{self.final_name}]")
@@ -318,7 +318,7 @@ class ExecuteLocal(Action):
             self._tree.send_signal(number)
 
     def shutdown(self, *, is_interrupt: bool = False) -> None:
-        """Let the program end: SIGINT, later SIGTERM, later SIGKILL.
+        """End the program: send SIGINT, later SIGTERM, later SIGKILL.
 
         Args:
             is_interrupt: Ctrl-C is the reason; the signal is not worth a line.
@@ -350,7 +350,7 @@ class ExecuteLocal(Action):
 
 
 class _Requests(BaseEventHandler):
-    """Hands the events that ask a program for something to its action."""
+    """Passes events that are requests to a program to the action of this program."""
 
     def __init__(self, action: ExecuteLocal) -> None:
         super().__init__(matcher=self._wants)
@@ -362,7 +362,7 @@ class _Requests(BaseEventHandler):
         return isinstance(event, Shutdown)
 
     def handle(self, event: Event, context: LaunchContext) -> None:
-        """Do what the event asks for."""
+        """Carry out the request."""
         super().handle(event, context)
         if isinstance(event, SignalProcess):
             self._action.signal(event.signal, event.signal_name)

@@ -1,4 +1,4 @@
-"""Events: what happened, and what a part of the launch asks for.
+"""Events: things that have happened, and requests from parts of the launch.
 
 Events of processes are in `launch.events.process`. The handlers of events are in
 `launch.event_handlers`; `launch.actions.EmitEvent` emits an event.

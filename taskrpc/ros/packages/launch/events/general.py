@@ -30,7 +30,7 @@ class Shutdown(Event):
 
 
 class IncludeLaunchDescription(Event):
-    """A launch description is to be executed."""
+    """A request to execute a launch description."""
 
     name = "launch.events.IncludeLaunchDescription"
 
@@ -44,7 +44,7 @@ class IncludeLaunchDescription(Event):
 
 
 class TimerEvent(Event):
-    """The time of a `TimerAction` is over."""
+    """The waiting time of a `TimerAction` has passed."""
 
     name = "launch.events.TimerEvent"
 
@@ -53,7 +53,7 @@ class TimerEvent(Event):
 
     @property
     def timer_action(self) -> Any:
-        """The action whose time is over."""
+        """The action whose waiting time has passed."""
         return self._timer_action
 
 

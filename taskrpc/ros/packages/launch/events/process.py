@@ -105,7 +105,7 @@ class ProcessIO(ProcessEvent):
 
     @property
     def text(self) -> bytes:
-        """What the program has written, not yet decoded."""
+        """The bytes that the program has written."""
         return self._text
 
     @property
@@ -166,13 +166,13 @@ class ProcessTargetedEvent(Event):
 
 
 class ShutdownProcess(ProcessTargetedEvent):
-    """A program must end: it gets SIGINT, later SIGTERM, later SIGKILL."""
+    """A request to end a program: it gets SIGINT, later SIGTERM, later SIGKILL."""
 
     name = "launch.events.process.ShutdownProcess"
 
 
 class SignalProcess(ProcessTargetedEvent):
-    """A program must get a signal."""
+    """A request to send a program a signal."""
 
     name = "launch.events.process.SignalProcess"
 
