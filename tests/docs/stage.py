@@ -294,7 +294,7 @@ def _names(block: Block) -> tuple[str, str]:
 def _environment(folder: Path) -> dict[str, str]:
     """The user's environment without what steers us, with folders that only this page has."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(_OURS)}
-    for name in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME", "LOCALAPPDATA"):
+    for name in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME", "LOCALAPPDATA", "ROS_LOG_DIR"):
         private = folder / name.lower()
         private.mkdir(mode=0o700)
         kept[name] = str(private)

@@ -97,6 +97,6 @@ def _say_components(context: Any, what: str, components: Iterable[Any]) -> None:
     names = ", ".join(each.describe(context) for each in components)
     inside = f" ({names})" if names else ""
     get_logger("launch").warning(
-        f"the {what}{inside} is not started: taskrpc has no compiled components;"
+        f"taskrpc has no compiled components, so it does not start the {what}{inside};"
         " the other programs start"
     )

@@ -87,8 +87,8 @@ async def test_components_are_named(launch, ros, play):
         composable_node_descriptions=[ComposableNode(package="p", plugin="p::Camera")],
     )
     assert (await play(container))[1] == [
-        "[WARNING] [launch]: the container 'c' (p::Camera) is not started: taskrpc has no compiled"
-        " components; the other programs start"
+        "[WARNING] [launch]: taskrpc has no compiled components, so it does not start the container"
+        " 'c' (p::Camera); the other programs start"
     ]
 
 
