@@ -68,6 +68,14 @@ def test_understanding_nodes(turtlesim):
     )
 
 
+def test_launching_nodes(turtlesim):
+    launch, _ = turtlesim.start("launch", "turtlesim", "multisim.launch.py")
+    launch.wait_for("Spawning turtle [turtle1]", times=2)
+    assert turtlesim.command("node", "list") == "/turtlesim1/turtlesim\n/turtlesim2/turtlesim\n"
+    launch.interrupt()
+    assert (launch.out + launch.err).count("process has finished cleanly") == 2
+
+
 def test_understanding_topics(turtlesim):
     turtlesim.node()
     command = turtlesim.command
