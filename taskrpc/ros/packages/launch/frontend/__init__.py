@@ -1,4 +1,4 @@
-"""What XML and YAML launch files have in common.
+"""The parts that XML and YAML launch files share.
 
 `substitution_text` reads texts with `$(…)`; `parser` turns elements into actions, with the tables
 in `elements` and in `launch_ros`. The formats themselves are in `launch_xml` and `launch_yaml`.

@@ -110,7 +110,7 @@ class Node(ExecuteProcess):
         return repr(self)
 
     def prepare_command(self, context: Any) -> PreparedCommand | None:
-        """The program, None if it is not here."""
+        """Return the program to start; None if taskrpc does not have it."""
         executable = perform(context, self._executable)
         words = [executable]
         shown = words

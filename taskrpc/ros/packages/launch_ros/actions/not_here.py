@@ -22,7 +22,7 @@ class LifecycleNode(Node):
         super().__init__(**kwargs)
 
     def execute(self, context: Any) -> list[Any] | None:
-        """Start the node, and say how to change its state."""
+        """Start the node, and log how to change its state."""
         found: list[Any] | None = super().execute(context)
         if self.process_details is not None:
             get_logger("launch").warning(
@@ -49,7 +49,7 @@ class ComposableNodeContainer(Action):
         self._components = list(composable_node_descriptions or ())
 
     def execute(self, context: Any) -> list[Any] | None:
-        """Say that the components do not start."""
+        """Log that the components do not start."""
         _say_components(context, f"container '{perform(context, self._name)}'", self._components)
         return None
 
@@ -69,7 +69,7 @@ class LoadComposableNodes(Action):
         self._components = list(composable_node_descriptions)
 
     def execute(self, context: Any) -> list[Any] | None:
-        """Say that the components do not start."""
+        """Log that the components do not start."""
         _say_components(context, "components", self._components)
         return None
 
@@ -84,7 +84,7 @@ class LifecycleTransition(Action):
         self._names = list(lifecycle_node_names)
 
     def execute(self, context: Any) -> list[Any] | None:
-        """Say that the states do not change."""
+        """Log that the states do not change."""
         names = ", ".join(perform(context, each) for each in self._names)
         get_logger("launch").warning(
             f"taskrpc's launch does not change the states of {names};"
