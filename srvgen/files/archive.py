@@ -1,8 +1,8 @@
 """Reads packages of definitions in the archive `interfaces.zip`, without unpacking it.
 
-The archive has one text for each package, made by `interfaces/pack.py`: the texts of all files,
-each after a line with its name. A file in it has a path below that of the archive, as if the
-archive were a folder: `interfaces.zip/nav2_msgs/msg/Costmap.msg`.
+The archive has one text for each package, made by `srvgen/public_interfaces/pack.py`: the texts of
+all files, each after a line with its name. A file in it has a path below that of the archive, as if
+the archive were a folder: `interfaces.zip/nav2_msgs/msg/Costmap.msg`.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from srvgen.files.search import BUNDLED, Search
 from srvgen.typehash import hash_of
 
 ROOT = Path(__file__).parents[3]
-SOURCES = ROOT / "interfaces"
+SOURCES = ROOT / "srvgen" / "public_interfaces"
 HASHES = Path(__file__).parents[1] / "public_hashes.txt"
 OFFICIAL = dict(
     line.split()
@@ -37,7 +37,7 @@ def packing():
 
 def test_archive_has_the_definitions_of_the_source_folder(packing):
     packed = {package: dict(archive.definitions(package)) for package in archive.packages()}
-    assert packed == packing.packages(), "run: python interfaces/pack.py"
+    assert packed == packing.packages(), "run: python srvgen/public_interfaces/pack.py"
 
 
 def test_no_package_is_in_both_places():

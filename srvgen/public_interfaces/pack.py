@@ -1,4 +1,6 @@
-"""Packs the packages beside this file into `srvgen/interfaces.zip`: `python interfaces/pack.py`.
+"""Packs the packages beside this file into `srvgen/interfaces.zip`.
+
+Run it as `python srvgen/public_interfaces/pack.py`.
 
 Run it after each change of a definition. Equal definitions give equal bytes with one version of
 zlib.
@@ -11,7 +13,7 @@ from pathlib import Path
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 SOURCE = Path(__file__).parent
-sys.path.insert(0, str(SOURCE.parent))
+sys.path.insert(0, str(SOURCE.parents[1]))
 
 from srvgen.files.archive import ARCHIVE, joined  # noqa: E402
 
