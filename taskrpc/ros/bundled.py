@@ -8,6 +8,9 @@ from pathlib import Path
 FOLDER = Path(__file__).parent / "packages"
 """The folder of the packages; each has its name in ROS."""
 
+SHARES = {"turtlesim": Path(__file__).parents[1] / "turtlesim"}
+"""The share folders of packages that have launch files."""
+
 EXECUTABLES = {
     "demo_nodes_py": {
         "talker": "demo_nodes_py.topics.talker:main",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from srvgen.files import archive
 from srvgen.files.search import BUNDLED
-from taskrpc.ros import hook, workspace
+from taskrpc.ros import bundled, hook, workspace
 
 
 def _no_folder(_: str) -> Path | None:
@@ -79,6 +79,8 @@ def _packages() -> dict[str, Path]:
         if prefix:
             for manifest in Path(prefix).glob(f"share/*/{workspace.MANIFEST}"):
                 found.setdefault(manifest.parent.name, manifest.parent)
+    for name, folder in bundled.SHARES.items():
+        found.setdefault(name, folder)
     for folder in BUNDLED.iterdir():
         found.setdefault(folder.name, folder)
     return found
