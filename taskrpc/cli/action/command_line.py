@@ -28,7 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_echo(commands: Commands) -> None:
-    from taskrpc.cli.shared.parsing import whole
+    from taskrpc.cli.shared.parsing import add_lengths
 
     parser = add_command(commands, "echo", "Print the messages of an action")
     parser.add_argument("action_name", help=_NAME)
@@ -41,17 +41,7 @@ def _add_echo(commands: Commands) -> None:
     parser.add_argument("-i", "--interfaces", metavar="NAMES", help=what)
     what = "Output all values separated by commas (e.g. for plotting)"
     parser.add_argument("--csv", action="store_true", help=what)
-    what = "Output long texts and arrays in full"
-    parser.add_argument("-f", "--full-length", action="store_true", help=what)
-    what = "Maximum number of characters and elements to output (128)"
-    length = whole(0)
-    parser.add_argument("-l", "--truncate-length", metavar="N", type=length, default=128, help=what)
-    what = "Do not output the contents of arrays"
-    parser.add_argument("--no-arr", action="store_true", help=what)
-    what = "Do not output the contents of texts"
-    parser.add_argument("--no-str", action="store_true", help=what)
-    what = "Output each array in one line"
-    parser.add_argument("--flow-style", action="store_true", help=what)
+    add_lengths(parser, flow_style="Output each array in one line")
     _add_remote(parser)
     parser.set_defaults(run=_echo)
 

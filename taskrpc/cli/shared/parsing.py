@@ -100,6 +100,21 @@ def whole(least: int, most: int | None = None) -> Callable[[str], int]:
     return parse
 
 
+def add_lengths(parser: argparse.ArgumentParser, *, flow_style: str) -> None:
+    """Add ros2's options that shorten messages; `flow_style` is the help of `--flow-style`."""
+    what = "Output long texts and arrays in full"
+    parser.add_argument("-f", "--full-length", action="store_true", help=what)
+    what = "Maximum number of characters and elements to output (128)"
+    parser.add_argument(
+        "-l", "--truncate-length", metavar="N", type=whole(0), default=128, help=what
+    )
+    what = "Do not output the contents of arrays"
+    parser.add_argument("--no-arr", action="store_true", help=what)
+    what = "Do not output the contents of texts"
+    parser.add_argument("--no-str", action="store_true", help=what)
+    parser.add_argument("--flow-style", action="store_true", help=flow_style)
+
+
 def add_allow_origin(parser: argparse.ArgumentParser) -> None:
     """Give a command that serves WebSockets the option for pages of other servers."""
     what = "also accept web pages from this server, such as http://lab.local:8000; null for files"

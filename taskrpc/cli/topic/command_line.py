@@ -6,7 +6,15 @@ import argparse
 from collections.abc import Sequence
 from importlib import import_module
 
-from taskrpc.cli.shared.parsing import Commands, Parser, add_command, add_group, number, whole
+from taskrpc.cli.shared.parsing import (
+    Commands,
+    Parser,
+    add_command,
+    add_group,
+    add_lengths,
+    number,
+    whole,
+)
 
 _GRAPH = "taskrpc.cli.topic.topic_graph"
 _ECHO = "taskrpc.cli.topic.echo"
@@ -93,18 +101,7 @@ def _add_echo(commands: Commands) -> None:
     parser.add_argument("--csv", action="store_true", help=what)
     what = "Output one field only (e.g. 'pose.position')"
     parser.add_argument("--field", metavar="FIELD", help=what)
-    what = "Output long texts and arrays in full"
-    parser.add_argument("-f", "--full-length", action="store_true", help=what)
-    what = "Maximum number of characters and elements to output (128)"
-    parser.add_argument(
-        "-l", "--truncate-length", metavar="N", type=whole(0), default=128, help=what
-    )
-    what = "Do not output the contents of arrays"
-    parser.add_argument("--no-arr", action="store_true", help=what)
-    what = "Do not output the contents of texts"
-    parser.add_argument("--no-str", action="store_true", help=what)
-    what = "Output each message in one line"
-    parser.add_argument("--flow-style", action="store_true", help=what)
+    add_lengths(parser, flow_style="Output each message in one line")
     parser.add_argument("--raw", action="store_true", help="Output the bytes that ROS would send")
     what = "Output messages for which a Python expression is true; m is the message"
     parser.add_argument("--filter", metavar="EXPR", help=what)
