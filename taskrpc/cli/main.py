@@ -56,6 +56,7 @@ _GROUPS = {
     "Classes": {
         "classroom": "Let the laptops of a class call the robot of this machine",
         "join": "Call the robot of a lab from this laptop",
+        "lab": "Do an exercise of the course, and check it",
     },
     "ROS packages": {
         "param": "Read and set the parameters of nodes",
@@ -85,7 +86,7 @@ _ELSEWHERE = {
 """Commands of ros2 that taskrpc does not have, and what to do instead."""
 
 _IN_FOLDERS = frozenset(
-    "action bag bridge classroom demo doctor param pkg router service task top topic".split()
+    "action bag bridge classroom demo doctor lab param pkg router service task top topic".split()
 )
 """Commands of several modules: the module `command_line` of the folder has `configure`."""
 

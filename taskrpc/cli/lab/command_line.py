@@ -1,0 +1,70 @@
+"""`taskrpc lab`: starts a lab in the current folder, and checks submissions."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from taskrpc.cli.shared.command import Exit
+from taskrpc.cli.shared.parsing import add_command, add_group
+
+
+def configure(parser: ArgumentParser) -> None:
+    """Give the parser of `taskrpc lab` its arguments."""
+    commands = add_group(parser)
+    start = add_command(commands, "start", "Write the starter files of a lab into this folder")
+    start.add_argument("number", type=int, metavar="N", help="the lab, 1 to 6")
+    what = "a name or a number that gives this student a lab of their own, such as an account"
+    start.add_argument("--variant", metavar="ID", default="", help=what)
+    start.set_defaults(run=_start)
+    check = add_command(commands, "check", "Check the lab in this folder, and explain what fails")
+    what = "the lab, 1 to 6; the default is the lab that was started in this folder"
+    check.add_argument("number", type=int, metavar="N", nargs="?", help=what)
+    check.set_defaults(run=_check)
+
+
+def _start(options: Namespace) -> Exit:
+    from taskrpc.labs.catalogue import lab
+    from taskrpc.labs.starter import write_starter
+    from taskrpc.labs.variants import Variant
+
+    chosen = lab(options.number)
+    paths = write_starter(chosen, Variant(options.variant), Path.cwd())
+    print(f"Lab {chosen.number}: {chosen.title} (about {chosen.minutes} minutes)")
+    print(chosen.goal)
+    print(f"Your files: {' '.join(path.name for path in paths)}")
+    print("Try next: open server.py, then run `taskrpc lab check`")
+    return Exit.DONE
+
+
+def _check(options: Namespace) -> Exit:
+    import asyncio
+
+    from taskrpc.errors import TaskRpcError
+    from taskrpc.labs.catalogue import lab
+    from taskrpc.labs.grading import findings
+    from taskrpc.labs.sandbox.child_trial import child_trial
+    from taskrpc.labs.starter import read_record
+    from taskrpc.labs.variants import Variant
+
+    record = read_record(Path.cwd())
+    if record is None and options.number is None:
+        raise TaskRpcError("expected a lab in this folder, found none: `taskrpc lab start 1`")
+    number, variant = record or (options.number, "")
+    chosen = lab(options.number or number)
+
+    async def run() -> bool:
+        passed = True
+        async for each in findings(chosen, lambda: child_trial(Path.cwd(), Variant(variant))):
+            print(
+                ("ok    " if each.passed else "wait  " if each.waits_for else "no    ")
+                + each.check.title
+            )
+            if each.problem:
+                print(f"      expected: {each.problem.expected}")
+                print(f"      happened: {each.problem.happened}")
+                print(f"      look:     {each.problem.look}")
+            passed = passed and each.passed
+        return passed
+
+    return Exit.DONE if asyncio.run(run()) else Exit.ERROR

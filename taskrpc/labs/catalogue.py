@@ -1,0 +1,18 @@
+"""All labs by their numbers."""
+
+from __future__ import annotations
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.labs.checks import lab1
+from taskrpc.labs.lab import Lab
+
+LABS: tuple[Lab, ...] = (lab1.LAB,)
+
+
+def lab(number: int) -> Lab:
+    """Return a lab; raises TaskRpcError if there is no such number."""
+    for each in LABS:
+        if each.number == number:
+            return each
+    titles = ", ".join(f"{each.number} ({each.title})" for each in LABS)
+    raise TaskRpcError(f"there is no lab {number}; expected one of {titles}")

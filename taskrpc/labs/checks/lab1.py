@@ -1,0 +1,144 @@
+"""Lab 1: a service that adds two integers, and its client."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import srvgen
+from taskrpc.labs.checks.common import ANSWERED, answer, ended, service_of
+from taskrpc.labs.lab import Check, Lab, NotMet
+from taskrpc.labs.trial import Trial
+from taskrpc.labs.variants import Variant
+
+_TYPE = "example_interfaces/srv/AddTwoInts"
+_NAMES = ("add_two_ints", "sum_of_two", "plus", "add_up", "total_of_two")
+
+
+def _service(variant: Variant) -> str:
+    return variant.choose("service", _NAMES)
+
+
+def _values(variant: Variant) -> Mapping[str, str]:
+    return {"SERVICE": _service(variant)}
+
+
+async def _offers(trial: Trial) -> None:
+    server = await trial.start("server.py")
+    await service_of(trial, server, srvgen.load(_TYPE), f"/{_service(trial.variant)}")
+
+
+async def _adds(trial: Trial) -> None:
+    server = await trial.start("server.py")
+    add_two_ints = srvgen.load(_TYPE)
+    client = await service_of(trial, server, add_two_ints, f"/{_service(trial.variant)}")
+    pairs = [(2, 3), (trial.unpredictable(100, 999), trial.unpredictable(-999, -100))]
+    for a, b in pairs:
+        words = f"a={a} b={b}"
+        response = await answer(client, add_two_ints.Request(a=a, b=b), words)
+        if response.sum != a + b:
+            raise NotMet(
+                f"the response to {words} to be sum={a + b}",
+                f"sum={response.sum}",
+                "which line of the callback sets response.sum?",
+            )
+
+
+async def _logs(trial: Trial) -> None:
+    server = await trial.start("server.py")
+    add_two_ints = srvgen.load(_TYPE)
+    client = await service_of(trial, server, add_two_ints, f"/{_service(trial.variant)}")
+    a, b = trial.unpredictable(1000, 1999), trial.unpredictable(2000, 2999)
+    await answer(client, add_two_ints.Request(a=a, b=b), f"a={a} b={b}")
+    if await server.wait_for_line(rf"{a}.*{b}|{b}.*{a}", timeout=ANSWERED) is None:
+        raise NotMet(
+            f"the server to log a line with the numbers of the request, {a} and {b}",
+            "it logged no such line",
+            "self.get_logger().info(...) with an f-string of request.a and request.b",
+        )
+
+
+async def _prints(trial: Trial) -> None:
+    # Our server responds with a number that no addition gives: a client that adds is found out.
+    number = trial.unpredictable(10_000, 99_999)
+    add_two_ints = srvgen.load(_TYPE)
+    requests: list[Any] = []
+
+    def respond(request: Any, response: Any) -> Any:
+        requests.append(request)
+        response.sum = number
+        return response
+
+    service = trial.node.create_service(add_two_ints, f"/{_service(trial.variant)}", respond)
+    try:
+        client = await trial.start("client.py", "20", "22")
+        code = await client.finished(timeout=ANSWERED)
+    finally:
+        service.destroy()
+    if code is None:
+        raise NotMet(
+            "the client to end after the response",
+            "it still runs; " + ("it sent the request" if requests else "it sent no request"),
+            "who spins while the client waits? See spin_until_future_complete",
+        )
+    if not requests:
+        raise NotMet("the client to send one request", ended(client, code), "see call_async")
+    if not any(str(number) in line for line in client.output):
+        raise NotMet(
+            f"the client to print the sum of the response, here {number}",
+            ended(client, code),
+            "the server's answer counts: print response.sum",
+        )
+    if (requests[0].a, requests[0].b) != (20, 22):
+        raise NotMet(
+            "`client.py 20 22` to send a=20 b=22",
+            f"it sent {requests[0]}",
+            "sys.argv[1] and sys.argv[2] are the numbers",
+        )
+
+
+async def _waits(trial: Trial) -> None:
+    add_two_ints = srvgen.load(_TYPE)
+    client = await trial.start("client.py", "1", "2")
+    await trial.sleep(2.0)
+    if (code := await client.finished(timeout=0.0)) is not None:
+        raise NotMet(
+            "the client to wait for its server",
+            ended(client, code),
+            "wait_for_service says whether there is a server; call it before call_async",
+        )
+
+    def respond(request: Any, response: Any) -> Any:
+        response.sum = 3
+        return response
+
+    service = trial.node.create_service(add_two_ints, f"/{_service(trial.variant)}", respond)
+    try:
+        code = await client.finished(timeout=2 * ANSWERED)
+    finally:
+        service.destroy()
+    if code is None:
+        raise NotMet(
+            "the client to finish once its server has started",
+            "it still waits",
+            "wait_for_service returns True or False: repeat it until it is True",
+        )
+
+
+LAB = Lab(
+    number=1,
+    title="A first service",
+    minutes=20,
+    goal="You can write a service and its client, and say what each line is for.",
+    files=("server.py", "client.py"),
+    values=_values,
+    checks=(
+        Check("the server offers the service", 2, _offers),
+        Check("the server adds", 3, _adds, needs=("the server offers the service",)),
+        Check("the server logs each request", 1, _logs, needs=("the server adds",)),
+        Check("the client prints the response", 3, _prints),
+        Check(
+            "the client waits for its server", 1, _waits, needs=("the client prints the response",)
+        ),
+    ),
+)
