@@ -57,6 +57,9 @@ RECONNECTS = (0.0, 0.1, 0.2, 0.4, 0.8)
 STEADY = 1.0
 """If a call waited for a result for more seconds than this, the connection was good, and the
 attempts count from the first again."""
+LOST_RESULT = 5.0
+"""Seconds without a result, after the status has reported the end of its goal, in which the client
+considers the response lost and asks again. Each time it waits twice as long: results can be big."""
 CANCEL_TIMEOUT = 5.0
 """Timeout in seconds of a request that cancels a goal whose `send_goal` ended early."""
 
@@ -256,8 +259,18 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
             state = states.get(key)
             if state is not None and state.is_active:
                 handle._advanced(state)
-            elif (turn := self._queue.get(key)) is not None and not turn.done():
+                continue
+            if state is not None:
+                self._expect_result(handle)
+            if (turn := self._queue.get(key)) is not None and not turn.done():
                 turn.set_result(False)
+
+    def _expect_result(self, handle: GoalHandle[Any, Any]) -> None:
+        """Limit the wait for a result: the server has reported that the goal has ended."""
+        handle._is_over = True
+        waiting = handle._waiting
+        if waiting is not None and waiting.when() is None:
+            waiting.reschedule(self._loop.time() + LOST_RESULT)
 
     async def _cancel_goal(self, key: bytes, timeout: float | Unset | None) -> bool:
         request = self._messages.cancel_goal.Request(goal_info=self._messages.goal_info(key))
@@ -323,17 +336,22 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         self._free_places += 1
 
     async def _call_for_result(self, handle: GoalHandle[Any, Any]) -> Any:
-        """Call the service that responds when the goal has ended; again if the connection is lost.
+        """Call the service that responds when the goal has ended.
+
+        It calls again if the connection or the response is lost.
 
         Raises OutcomeUnknown if the server is gone.
         """
         goal_id = self._messages.goal_id(handle._goal_id)
         request = self._messages.get_result.Request(goal_id=goal_id)
         waits = iter(RECONNECTS)
+        patience = LOST_RESULT
         while True:
             began = self._loop.time()
             try:
-                return await self._result.call(request, timeout=None)
+                return await self._call_once(handle, request, patience)
+            except TimeoutError:
+                patience *= 2
             except (ConnectionLost, ServerBusy, ServiceUnavailable) as error:
                 if isinstance(error, ServiceUnavailable) and not self._result.service_is_ready():
                     raise self._unknown(handle, "has ended") from None
@@ -343,6 +361,15 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
                 if wait is None:
                     raise self._unknown(handle, f"cannot be reached: {error}") from None
                 await asyncio.sleep(wait)
+
+    async def _call_once(self, handle: GoalHandle[Any, Any], request: Any, patience: float) -> Any:
+        """Call the service; raises TimeoutError if the response seems to be lost."""
+        limit = patience if handle._is_over else None
+        try:
+            async with asyncio.timeout(limit) as handle._waiting:
+                return await self._result.call(request, timeout=None)
+        finally:
+            handle._waiting = None
 
     def _unknown(self, handle: GoalHandle[Any, Any], problem: str) -> OutcomeUnknown:
         return OutcomeUnknown(

@@ -70,6 +70,10 @@ class GoalHandle(Generic[ResultT, FeedbackT]):
         self._requests = 0
         """Requests of the client with this id that have no response yet."""
         self._is_accepted = False
+        self._is_over = False
+        """Whether the status has reported that the goal has ended."""
+        self._waiting: asyncio.Timeout | None = None
+        """The limit of the call that waits for the result; None if no call waits."""
         self._response: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         """The response with the result; an error if there is none."""
 

@@ -158,6 +158,18 @@ async def test_a_server_that_always_loses_connections_is_not_asked_for_ever():
             await handle.result()
 
 
+@pytest.mark.parametrize("goals", [1, 12])
+async def test_a_lost_response_with_a_result_is_requested_again(goals):
+    loop = asyncio.get_running_loop()
+    faults = CallFaults(f"lose-response:first=3,service={RESULT}")
+    async with programs(Sleeper(), node={"faults": faults}, concurrency=goals) as (_, _, client):
+        handles = [await client.send_goal(order(60)) for _ in range(goals)]
+        await asyncio.gather(*(handle.result() for handle in handles))
+        # A goal whose response is lost three times waits for 5, 10 and 20 s.
+        assert loop.time() < 60 + 36
+        assert faults.happened == {"lose-response": 3}
+
+
 # Feedback
 
 
