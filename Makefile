@@ -18,7 +18,7 @@ faults:
 
 browser:
 	$(BIN)/pip install --quiet --editable '.[dev,browser]'
-	$(BIN)/pytest -m browser tests/browser
+	$(BIN)/pytest -m browser tests/browser tests/taskrpc/turtlesim
 
 pictures:
 	$(BIN)/pip install --quiet --editable '.[dev,browser]'

@@ -1,5 +1,5 @@
 """Makes the pictures of the documentation: screenshots from a real run of the task server, and
-turtlesim's window.
+turtlesim's window and its web page.
 
 `make pictures` runs it; it needs the extra `browser` and what `make browser` needs. It takes about
 a minute.
@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 import zlib
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
@@ -22,7 +22,8 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 import taskrpc
 from taskrpc.cli.shared.page_link import noted_links
 from taskrpc.turtlesim.canvas import SIZE
-from taskrpc.turtlesim.raster import picture
+from taskrpc.turtlesim.drawing.raster import picture
+from taskrpc.turtlesim.drawing.web_view import WebView
 from taskrpc.turtlesim.world import CENTRE, STEP, World
 from tests.browser.chromium import LAPTOP, PHONE, Tab, Tabs, chromium
 from tests.browser.task_server import Services, TaskServer
@@ -33,6 +34,9 @@ MOST_BYTES = 200_000
 PROGRAMS = ("ada", "ben", "cleo", "display")
 FAULTS = ("--fault", "delay-response:1ms,first=7", "--fault", "lose-response:first=1")
 """The eighth submission loses its response; the ones before are not disturbed."""
+
+BACKGROUND = (69, 86, 255)
+"""The color of turtlesim's paper."""
 
 
 def main() -> int:
@@ -50,6 +54,7 @@ def main() -> int:
         _story(stack, programs)
         for name, tab in pictures.items():
             tab.picture(FOLDER / f"{name}.png")
+        _turtlesim_page(tabs, FOLDER / "turtlesim_page.png")
         if problems := tabs.problems():
             raise SystemExit("\n".join(problems))
     large = [path.name for path in FOLDER.glob("*.png") if path.stat().st_size > MOST_BYTES]
@@ -127,8 +132,8 @@ def _until_begun(services: Services) -> None:
         time.sleep(0.1)
 
 
-def _turtlesim() -> bytes:
-    """The window of turtlesim after the tutorial's commands, as a PNG file."""
+def _world() -> World:
+    """The turtles after the tutorial's commands."""
     world = World()
     first = world.spawn("turtle1", CENTRE, CENTRE, 0.0)
     second = world.spawn("turtle2", 2.0, 2.0, 0.2)
@@ -137,7 +142,29 @@ def _turtlesim() -> bytes:
         first.command(2.0, 0.0, 1.8, number * STEP)
         second.command(1.6, 0.0, 0.06, number * STEP)
         world.step(number * STEP)
-    rows = [b"\0" + b"".join(map(bytes, row)) for row in picture(world, (69, 86, 255), SIZE, SIZE)]
+    return world
+
+
+def _turtlesim_page(tabs: Tabs, path: Path) -> None:
+    """Write a screenshot of turtlesim's web page."""
+    with closing(WebView(0)) as view:
+        tab = tabs.open(view.url, size=(860, 576), color_scheme="light")
+        world = _world()
+
+        def drawn() -> bool:
+            view.show(world, BACKGROUND, "/turtlesim")
+            return len(tab.texts("#poses tr")) == len(world.turtles)
+
+        tab.find('[data-state="live"]')
+        tab.wait(drawn, "the turtles")
+        time.sleep(0.3)  # the animation frame has drawn them
+        tab.picture(path)
+        tab.open("about:blank")
+
+
+def _turtlesim() -> bytes:
+    """The window of turtlesim after the tutorial's commands, as a PNG file."""
+    rows = [b"\0" + b"".join(map(bytes, row)) for row in picture(_world(), BACKGROUND, SIZE, SIZE)]
     header = struct.pack(">IIBBBBB", SIZE, SIZE, 8, 2, 0, 0, 0)
     parts = ((b"IHDR", header), (b"IDAT", zlib.compress(b"".join(rows), 9)), (b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(_chunk(kind, data) for kind, data in parts)

@@ -26,8 +26,9 @@ from turtlesim.action import RotateAbsolute
 from turtlesim.msg import Color, Pose
 from turtlesim.srv import Kill, SetPen, Spawn, TeleportAbsolute, TeleportRelative
 
-from taskrpc.turtlesim import views
 from taskrpc.turtlesim.canvas import Color as Rgb
+from taskrpc.turtlesim.drawing import views
+from taskrpc.turtlesim.teleop import TeleopTurtle
 from taskrpc.turtlesim.world import CENTRE, STEP, Moved, Rotation, Turtle, World
 
 _BACKGROUND = {"r": ("Red", 69), "g": ("Green", 86), "b": ("Blue", 255)}
@@ -248,7 +249,7 @@ def main(args: Sequence[str] | None = None) -> int:
     options = _options(remove_ros_args(arguments)[1:])
     try:
         with rclpy.init(args=arguments):
-            _show(options.view)
+            _show(options)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     return 0
@@ -264,17 +265,28 @@ def _problem_of(name: str) -> str:
     return ""
 
 
-def _show(name: str) -> None:
+def _show(options: argparse.Namespace) -> None:
     executor = SingleThreadedExecutor()
-    with views.opened(name) as view:  # first, so that the node's log lines are below the picture
+    with views.opened(options.view, options.port) as view:
+        # The node comes second, so that its log lines are below the picture.
         node = Turtlesim()
         executor.add_node(node)
+        view.title = node.get_fully_qualified_name()
+        teleop: TeleopTurtle | None = None
         while view.draw(node.world, node.background):
+            for key in view.pressed_keys():
+                if teleop is None:  # not earlier, so that the graph shows it only if it is used
+                    settings = {"namespace": node.get_namespace(), "use_global_arguments": False}
+                    teleop = TeleopTurtle(**settings)
+                    executor.add_node(teleop)
+                teleop.press(key)
             executor.spin_once(timeout_sec=STEP)
 
 
 def _options(arguments: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser("turtlesim_node", description="Shows turtles in a window.")
-    what = "where to draw; without this option a window, else the terminal, else nowhere"
+    what = "where to draw; without this option a window, else a web page, else the terminal"
     parser.add_argument("--view", choices=views.NAMES, default="auto", help=what)
+    port = "the port of the web page; 0 means any free port"
+    parser.add_argument("--port", type=int, help=f"{port}; default: 8643, or any free port")
     return parser.parse_args(arguments)

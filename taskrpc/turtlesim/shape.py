@@ -36,8 +36,7 @@ def _leg(x: float, y: float, angle: float) -> list[Point]:
 
 
 _TAIL = [(-0.33, 0.06), (-0.50, 0.0), (-0.33, -0.06)]
-# Looking along the x axis, in metres around the middle of the shell.
-_PARTS: list[tuple[list[Point], Color, Color]] = [
+OUTLINES: list[tuple[list[Point], Color, Color]] = [
     (_TAIL, _SKIN, _EDGE),
     *[
         (_leg(x, side * 0.30, side * angle), _SKIN, _EDGE)
@@ -54,6 +53,8 @@ _PARTS: list[tuple[list[Point], Color, Color]] = [
         for angle in (math.pi / 6 + math.tau * number / 6 for number in range(6))
     ],
 ]
+"""The polygons of a turtle that looks along the x axis, in metres around the middle of its shell,
+from the lowest to the uppermost; each with the colors of its inside and of its edge."""
 
 
 def parts_of(turtle: Turtle) -> list[Part]:
@@ -65,8 +66,8 @@ def parts_of(turtle: Turtle) -> list[Part]:
         ahead, left = point[0] * PIXELS_PER_METRE, point[1] * PIXELS_PER_METRE
         return x + cosine * ahead - sine * left, y - sine * ahead - cosine * left
 
-    return [Part([placed(point) for point in points], *colors) for points, *colors in _PARTS]
+    return [Part([placed(point) for point in points], *colors) for points, *colors in OUTLINES]
 
 
-PARTS = len(_PARTS)
+PARTS = len(OUTLINES)
 """How many polygons a turtle has."""

@@ -20,13 +20,13 @@ from taskrpc.transport.limits.log_throttling import ThrottledLog
 from taskrpc.transport.network import Factory
 from taskrpc.transport.tcp.listening import Listener
 from taskrpc.transport.tcp.tcp_network import bound, is_loopback, join_place, split_place
-from taskrpc.web.control import MAX_BODY, Control
+from taskrpc.web.control import MAX_BODY
 from taskrpc.web.guard import Access, Guard, Head, own_names
 from taskrpc.web.pages import JSON, Page, Pages
 from taskrpc.web.peers import is_other_user
 from taskrpc.web.places import Places, TooManyRequests
 from taskrpc.web.streams import UNREAD_BYTES, LiveStream, Tab, TooManyTabs
-from taskrpc.web.tokens import Tokens
+from taskrpc.web.tokens import Holder, Tokens
 
 log = logging.getLogger("taskrpc.web")
 
@@ -70,6 +70,16 @@ class Events(Protocol):
         """Return one task as JSON, None if there is none."""
 
 
+class Controls(Protocol):
+    """What the buttons and keys of the page do; see `taskrpc.web.control.Control`."""
+
+    async def answer(self, verb: str, content_type: str, body: bytes, holder: Holder) -> Page:
+        """Answer a request for `/control/VERB` of a user whose token allows control."""
+
+    async def close(self) -> None:
+        """The server ends."""
+
+
 class RecordedEvents(Protocol):
     """The events of a recording; see `taskrpc.recording.timeline.Timeline`."""
 
@@ -91,7 +101,7 @@ class LivePage(msgspec.Struct, frozen=True, eq=False):
     """The open pages."""
     events: Events
     """What they show."""
-    control: Control | None = None
+    control: Controls | None = None
     """Their buttons; None for a read-only page."""
     recording: RecordedEvents | None = None
     """The recording that `/recording` serves; None for the page of a running server."""
@@ -256,7 +266,7 @@ class WebServer:
         known = ("/", "/live", *self._pages) if live is not None else self._pages
         return Page(f"no such page; there are {', '.join(known)}\n", status=404)
 
-    async def _controlled(self, request: web.BaseRequest, head: Head, control: Control) -> Page:
+    async def _controlled(self, request: web.BaseRequest, head: Head, control: Controls) -> Page:
         holder = self._guard.holder(head)
         assert holder is not None, "the guard has checked the token"
         body = b""

@@ -82,7 +82,7 @@ export function callText(call, now) {
 
 /** Return the sentence for an HTTP status that refuses this page. */
 export function refusal(status, message) {
-  if (status === 401) return "This page has no valid token. Open the page with the command: taskrpc view";
+  if (status === 401) return "This page has no valid token. Open the page with the command: taskrpc view, or with the link that the program printed";
   if (status === 403) return `The server refused this page: ${message || "its address is not one of the server's names"}`;
   return `The server answered with status ${status}${message ? `: ${message}` : ""}`;
 }

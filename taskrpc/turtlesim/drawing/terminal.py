@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Iterable
 from typing import TextIO
 
 from taskrpc.turtlesim.canvas import Color
-from taskrpc.turtlesim.raster import characters, picture
+from taskrpc.turtlesim.drawing.raster import characters, picture
 from taskrpc.turtlesim.world import World
 
 _LOG_ROWS = 5
@@ -28,14 +29,19 @@ class Terminal:
         self._shown: list[list[str]] = []
         self._prepare()
 
-    def show(self, world: World, background: Color) -> bool:
+    def show(self, world: World, background: Color, title: str = "") -> bool:
         """Draw the world; always returns True, because Ctrl-C ends the program."""
+        del title  # the log lines below the picture name the node
         rows = self._prepare()
         text = self._changes(characters(picture(world, background, 2 * rows, 2 * rows)))
         if text:
             self._output.write(f"{_SAVE}{text}{_RESET}{_RESTORE}")
             self._output.flush()
         return True
+
+    def pressed_keys(self) -> Iterable[str]:
+        """Return nothing: turtle_teleop_key reads the keys, as in ROS."""
+        return ()
 
     def close(self) -> None:
         """Give the whole terminal back, with the cursor below the picture."""

@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from taskrpc.turtlesim.terminal import Terminal
+from taskrpc.turtlesim.drawing.terminal import Terminal
 from taskrpc.turtlesim.world import CENTRE, World
 
 BLUE = (69, 86, 255)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tkinter
+from collections.abc import Iterable
 
 from taskrpc.turtlesim.canvas import SIZE, Canvas, Color
 from taskrpc.turtlesim.shape import PARTS, parts_of
@@ -25,8 +26,9 @@ class Window:
         self._generation = 0
         self._closed = False
 
-    def show(self, world: World, background: Color) -> bool:
+    def show(self, world: World, background: Color, title: str = "") -> bool:
         """Draw the world; return False after the user has closed the window."""
+        del title  # as in ROS, the window of every node has the same title
         if self._closed:
             return False
         self._paper.configure(background=_hex(background))
@@ -37,6 +39,10 @@ class Window:
             self._draw_turtle(name, turtle)
         self._root.update()
         return not self._closed
+
+    def pressed_keys(self) -> Iterable[str]:
+        """Return nothing: turtle_teleop_key reads the keys, as in ROS."""
+        return ()
 
     def close(self) -> None:
         """Close the window."""

@@ -1,6 +1,6 @@
 """The picture for terminals."""
 
-from taskrpc.turtlesim.raster import characters, picture
+from taskrpc.turtlesim.drawing.raster import characters, picture
 from taskrpc.turtlesim.world import CENTRE, World
 
 BLUE = (69, 86, 255)
