@@ -16,6 +16,7 @@ from hypothesis import settings
 
 from srvgen.classes import loader
 from taskrpc.testing import VirtualTimeLoop
+from tests import properties
 from tests.faults.harness import HAPPENED
 from tests.postgres import own_cluster, pgbouncer, postgres_url, shared_cluster  # noqa: F401 - fixtures
 
@@ -23,9 +24,9 @@ LEFT_OUT = ("browser", "faults", "interop", "postgres", "types")
 """Marks, and the folders of their tests, that the plain run leaves out."""
 PLAIN_RUN = " and ".join(f"not {mark}" for mark in LEFT_OUT)
 """What pyproject.toml leaves out of the plain run."""
-# How long an example takes depends on what else the machine does.
-settings.register_profile("taskrpc", deadline=None)
-settings.load_profile("taskrpc")
+WHOLE_RUNS = (PLAIN_RUN, "faults", "hypothesis", "faults or hypothesis")
+"""What `-m` picks in the runs that use all cores."""
+settings.load_profile(properties.ALL)
 
 MOST_PROCESSES = 4
 """More than these gain little: the longest tests wait for programs that they start.
@@ -45,14 +46,15 @@ def pytest_addoption(parser):
 def pytest_cmdline_main(config):
     """What is not picked uses the cores; what is picked runs here, where a debugger sees it.
 
-    The large sizes run here as well: they measure.
+    The large sizes run here as well: they measure. Tests that somebody picks try all examples.
     """
     if "PYTEST_XDIST_WORKER" in os.environ:  # one of those processes must never start more of them
         return
     option = config.option
     picked = option.keyword or option.usepdb or option.trace or option.capture == "no"
     whole = config.args_source is config.ArgsSource.TESTPATHS and not option.soak
-    whole &= option.markexpr in (PLAIN_RUN, "faults")
+    whole &= option.markexpr in WHOLE_RUNS
+    option.few_examples = whole and not picked and option.markexpr == PLAIN_RUN
     if whole and not picked and getattr(option, "numprocesses", 0) is None and not option.tx:
         option.numprocesses = min((os.cpu_count() or 1) + 1, MOST_PROCESSES)
         option.dist = "worksteal"
@@ -74,7 +76,16 @@ def pytest_configure(config):
     # A script that starts a process with `&` lets it ignore SIGINT.
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    told = getattr(config, "workerinput", None) or vars(config.option)
+    if told.get("few_examples"):
+        settings.load_profile(properties.QUICK)
     _keep_bytecode(config)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node):
+    """Tell xdist's processes what the first process has decided."""
+    node.workerinput["few_examples"] = getattr(node.config.option, "few_examples", False)
 
 
 def _keep_bytecode(config):

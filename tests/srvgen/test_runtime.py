@@ -25,6 +25,7 @@ from srvgen.classes.loader import _Builder
 from srvgen.definitions.field_types import parse_type
 from srvgen.files.reading import read_definition
 from srvgen.files.search import Search
+from tests.properties import examples
 
 FOLDER = Path(__file__).parents[1] / "golden" / "definitions" / "demo_interfaces"
 
@@ -106,7 +107,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 @given(messages(Everything))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_checked_message_survives_a_round_trip(message):
     message._check()
     arrived = msgspec.msgpack.Decoder(Everything).decode(ENCODER.encode(message))

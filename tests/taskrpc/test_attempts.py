@@ -25,6 +25,7 @@ from taskrpc.request_ids.ids import RequestCounter, named_request_id
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import Mode
+from tests.properties import examples
 from tests.taskrpc.transport.helpers import Add
 
 AT_ONCE = RetryPolicy(wait_initial=0.01, wait_max=0.01, wait_jitter=0)
@@ -289,7 +290,7 @@ FAILURES = (
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(
     mode=st.sampled_from([Mode.AT_MOST_ONCE, Mode.IDEMPOTENT, Mode.EXACTLY_ONCE]),
     failures=st.lists(st.sampled_from(FAILURES), max_size=4),

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import taskrpc
 from taskrpc import logs
+from tests.properties import examples
 from tests.taskrpc.transport.helpers import Add, add, ask
 
 
@@ -76,7 +77,7 @@ anything = st.recursive(
 )
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     st.text(), st.dictionaries(st.from_regex(r"x_[a-z]{1,5}", fullmatch=True), anything, max_size=4)
 )
@@ -135,7 +136,7 @@ def test_traceback_that_another_handler_formatted_first_cannot_forge_a_line():
     assert all(line.startswith("  ") for line in more)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.text())
 def test_every_message_is_one_line_of_text(message):
     assert len(text_of("%s", message).splitlines()) <= 1

@@ -18,6 +18,7 @@ from taskrpc.security.roles import Role
 from taskrpc.service import QUEUE_LIMIT, SAMPLED, Service
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import IncomingCall
+from tests.properties import examples
 from tests.taskrpc.transport.helpers import Add, ask
 
 
@@ -173,7 +174,7 @@ actions = st.lists(
 )
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(actions=actions, seed=st.integers(0, 1000), concurrency=st.integers(1, 3))
 def test_every_call_ends_exactly_once_and_no_more_run_than_allowed(actions, seed, concurrency):
     chance = random.Random(seed)

@@ -12,6 +12,7 @@ import taskrpc
 from taskrpc import QoS
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.topic import Publisher, Subscription
+from tests.properties import examples
 
 TYPES = [srvgen.load("std_msgs/msg/String"), srvgen.load("std_msgs/msg/Char")]
 TEXT = TYPES[0]
@@ -250,4 +251,4 @@ async def _do(action):
 
 
 TestTopics = Topics.TestCase
-TestTopics.settings = settings(max_examples=60, stateful_step_count=20)
+TestTopics.settings = settings(max_examples=examples(60), stateful_step_count=20)

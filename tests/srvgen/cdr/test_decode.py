@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import srvgen
 from srvgen import CdrError, FieldError, from_cdr, load, to_cdr
 from tests.fuzz.fuzz_cdr import classes, decode_or_refuse
+from tests.properties import examples
 from tests.srvgen.cdr.reference import random_message
 
 Path_ = load("nav_msgs/msg/Path")
@@ -227,7 +228,7 @@ def test_truncated_message_is_refused(cls):
 
 
 @given(st.sampled_from(classes()), st.integers(0), st.data())
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_tampered_bytes_are_refused_or_are_another_message(cls, seed, data):
     body = to_cdr(random_message(cls, Random(seed)))
     for _ in range(data.draw(st.integers(1, 4))):

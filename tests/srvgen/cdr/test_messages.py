@@ -22,6 +22,7 @@ from srvgen.classes.generate import generate
 from srvgen.files.reading import read_definition
 from srvgen.files.search import BUNDLED, Search
 from tests.fuzz.fuzz_cdr import classes
+from tests.properties import examples
 from tests.srvgen.cdr.reference import bundled_classes, random_message, reference_cdr
 from tests.srvgen.sample_definitions import put_all
 
@@ -145,7 +146,7 @@ def test_random_messages_are_encoded_by_the_rules_and_decoded_again(package):
 
 
 @given(st.integers(0), st.integers(0, 9))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_values_after_strings_and_sequences_are_aligned(seed, most):
     message = random_message(Everything, Random(seed), most)
     assert to_cdr(message) == reference_cdr(message)

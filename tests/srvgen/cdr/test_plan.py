@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from srvgen import FieldError, define, from_cdr, to_cdr
 from srvgen.definitions import limits
+from tests.properties import examples
 from tests.srvgen.cdr.reference import random_message, reference_cdr
 
 ELEMENTS = [
@@ -48,7 +49,7 @@ def assert_comes_back(cls: Any, random: Random, most: int = 2) -> None:
 
 
 @given(st.integers(0), st.integers(0, 140), st.integers(0, 12), st.sampled_from([0, 20, 60, 120]))
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @example(seed=1, fields=129, types=12, longest=60)
 def test_messages_of_every_shape_are_compiled_and_come_back(seed, fields, types, longest):
     random = Random(seed)

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from taskrpc.classroom.invitation import PREFIX, Invitation, from_join_string, to_join_string
 from taskrpc.errors import TaskRpcError
+from tests.properties import examples
 
 LETTERS = string.ascii_letters + string.digits + "-_"
 EXAMPLE = Invitation(
@@ -81,7 +82,7 @@ def test_text_that_is_no_join_string_gives_one_sentence(text, message):
         from_join_string(text)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.text(LETTERS + ".\n é", max_size=8))
 def test_any_text_raises_no_other_error(text):
     for pasted in (text, PREFIX + text):

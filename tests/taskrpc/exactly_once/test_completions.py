@@ -15,6 +15,7 @@ from taskrpc.exactly_once.completions import (
 )
 from taskrpc.request_ids.ids import Completion
 from taskrpc.storage.database import create_store, read_store_id, replace_store_id
+from tests.properties import examples
 
 CLIENTS = [("", bytes(16)), ("ann", b"a" * 16), ("it's ü\x00", b"\xff" * 16)]
 clients = st.sampled_from(CLIENTS)
@@ -29,7 +30,7 @@ def new_file():
     return connection
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(batches=st.lists(st.lists(calls, max_size=5), max_size=5))
 def test_file_and_index_keep_the_same_completions(batches):
     connection, memory = new_file(), CompletionIndex()
@@ -104,7 +105,7 @@ def test_late_completion_below_an_earlier_batch_is_not_kept():
     assert kept.all() == (completion(me, 4, 4),)
 
 
-@settings(max_examples=300)
+@settings(max_examples=examples(300))
 @given(
     st.lists(st.one_of(completions, st.tuples(memory_clients, st.just(0), st.just(0))), max_size=40)
 )
@@ -125,7 +126,7 @@ def test_index_keeps_all_unsettled_completions(work):
     assert sorted((each for each in kept.all() if each not in late), key=key_of) == plain.all()
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.lists(memory_clients, max_size=200))
 def test_each_completion_in_order_settles_the_one_before(work):
     kept, last = CompletionIndex(), {}

@@ -15,6 +15,7 @@ from taskrpc.fleet.store import MemoryFleet, MemoryFleetStore
 from taskrpc.robot import Box, KinematicRobot, TargetError, World, default_world
 from taskrpc.tasks.pages import page
 from taskrpc.web.live import LiveTasks
+from tests.properties import examples
 from tests.taskrpc.fleet.fakes import Fleet
 from tests.taskrpc.tasks.fakes import LineRobot
 
@@ -513,7 +514,7 @@ class History:
             assert all(first[1] <= second[0] for first, second in pairwise(mine))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(steps=STEPS)
 async def test_no_task_is_lost_or_runs_twice_whatever_happens_to_the_servers(steps):
     fleet = Fleet()

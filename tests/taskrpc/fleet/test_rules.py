@@ -7,6 +7,7 @@ from taskrpc.fleet import rules
 from taskrpc.fleet.plan import HORIZON, FleetPlan
 from taskrpc.fleet.state import FleetState
 from taskrpc.tasks.model import TaskState
+from tests.properties import examples
 from tests.taskrpc.fleet.fakes import line_plan, pose, robot, state_of, task
 
 LEASE = 6.0
@@ -425,5 +426,7 @@ class Interleavings(RuleBasedStateMachine):
         assert held == begun
 
 
-Interleavings.TestCase.settings = settings(max_examples=100, stateful_step_count=50, deadline=None)
+Interleavings.TestCase.settings = settings(
+    max_examples=examples(100), stateful_step_count=50, deadline=None
+)
 TestInterleavings = Interleavings.TestCase

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from prometheus_client.parser import text_string_to_metric_families
 
 from taskrpc.metrics import Family, Histogram, Kind, Sample, render
+from tests.properties import examples
 from tests.taskrpc.metrics.exposition import read
 
 TEXTS = st.text(
@@ -48,7 +49,7 @@ def test_a_page_looks_so():
     )
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(TEXTS, TEXTS, NUMBERS)
 def test_labels_helps_and_numbers_come_back_as_they_were(label, help_, value):
     text = render([Family("x", Kind.GAUGE, help_, [Sample(value, {"a": label, "b": "1"})])])
@@ -59,7 +60,7 @@ def test_labels_helps_and_numbers_come_back_as_they_were(label, help_, value):
     assert got == float(value) or (math.isnan(got) and math.isnan(value))
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(TEXTS, NUMBERS)
 def test_prometheus_own_reader_agrees(label, value):
     text = render([Family("x_total", Kind.COUNTER, "What.", [Sample(value, {"a": label})])])
@@ -69,7 +70,7 @@ def test_prometheus_own_reader_agrees(label, value):
     assert sample.value == float(value) or math.isnan(value)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.lists(st.floats(0, 100)))
 def test_each_bucket_counts_values_up_to_its_bound(seconds):
     times = Histogram([0.5, 1, 50])

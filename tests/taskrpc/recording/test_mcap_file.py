@@ -18,6 +18,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from taskrpc.qos import QoS
 from taskrpc.recording.mcap_file import Recording, RecordingError, RecordingWriter, one_line
+from tests.properties import examples
 
 SECOND = 10**9
 
@@ -98,7 +99,7 @@ def test_damaged_bytes_end_the_reading_with_their_place(tmp_path):
     assert recording.problem.startswith(f"a.mcap is damaged after byte {at:,} of {len(data):,} (")
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.data())
 def test_any_damage_is_one_sentence_and_never_another_error(tmp_path_factory, data):
     path = tmp_path_factory.mktemp("damaged") / "a.mcap"

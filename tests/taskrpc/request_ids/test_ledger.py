@@ -13,6 +13,7 @@ from taskrpc.request_ids.ids import (
     with_request_id,
 )
 from taskrpc.request_ids.ledger import PER_CLIENT, PER_REQUEST, Ledger, Verdict
+from tests.properties import examples
 
 ME = b"c" * 16
 cut_off = id_splitter("/add")
@@ -234,7 +235,7 @@ actions = st.lists(
 )
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(actions=actions)
 def test_no_request_runs_twice_and_each_gets_its_own_response(actions):
     """Compares with a record of all executions and responses. Requests may be late or repeated."""
@@ -294,7 +295,7 @@ def test_memory_of_an_account_counts_after_a_restart_until_its_lease_ends():
 steps = st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 2), st.binary(max_size=3))
 
 
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 @given(work=st.lists(steps, max_size=30))
 def test_completion_has_the_same_effects_with_and_without_the_received_id(work):
     quick, plain = Ledger(open_per_client=4), Ledger(open_per_client=4)

@@ -18,6 +18,7 @@ from taskrpc.robot import (
     default_world,
 )
 from taskrpc.testing import VirtualTimeLoop
+from tests.properties import examples
 
 WORLD = default_world()
 TYPES = ("move", "scan", "report")
@@ -48,7 +49,7 @@ async def started(robot, task_type="move", target="central", report=ignore):
     return task
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.lists(tasks, min_size=1, max_size=5), st.sampled_from([0.5, 1.0, 7.0, 100.0]))
 def test_a_task_takes_exactly_as_long_as_planned_and_ends_where_planned(queue, speed):
     async def scenario():
@@ -66,7 +67,7 @@ def test_a_task_takes_exactly_as_long_as_planned_and_ends_where_planned(queue, s
     run(scenario)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(tasks, st.floats(0, 1))
 def test_remaining_and_plan_agree_at_every_moment(task, share):
     async def scenario():
@@ -80,7 +81,7 @@ def test_remaining_and_plan_agree_at_every_moment(task, share):
     run(scenario)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(tasks, st.lists(st.tuples(st.floats(0, 3), st.floats(0, 3)), max_size=4))
 def test_a_task_paused_again_and_again_still_gets_there(task, pauses):
     async def scenario():
@@ -166,7 +167,7 @@ async def test_the_end_of_a_task_ends_its_pause():
     await asyncio.wait_for(robot.execute("report", "dock", ignore), 2.0)
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(tasks, st.floats(0, 1))
 def test_a_cancelled_robot_stays_where_it_is_and_can_go_on_from_there(task, share):
     async def scenario():

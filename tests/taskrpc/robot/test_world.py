@@ -9,6 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from taskrpc.robot import Box, Pose, TargetError, World
+from tests.properties import examples
 
 SIZE = (8.0, 6.0)
 RADIUS = 0.25
@@ -139,7 +140,7 @@ def test_no_way_over_a_dense_grid_is_shorter(boxes, start, goal):
         assert length([start, *way]) <= on_grid + 1e-6
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(obstacles, points, points)
 def test_a_way_is_legal_all_along_and_ends_at_the_goal(boxes, start, goal):
     world = world_of(boxes)
@@ -152,7 +153,7 @@ def test_a_way_is_legal_all_along_and_ends_at_the_goal(boxes, start, goal):
         assert all(RADIUS - 1e-9 <= y <= SIZE[1] - RADIUS + 1e-9 for _, y in way)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.lists(rectangles | walls, min_size=1, max_size=2), points, points)
 def test_no_sequence_of_corners_is_shorter(boxes, start, goal):
     """Few obstacles: try every way of up to three bends."""
@@ -178,7 +179,7 @@ def test_no_sequence_of_corners_is_shorter(boxes, start, goal):
         assert length([start, *way]) >= length(best) - 1e-6 or len(way) > 4
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(obstacles, points, points)
 def test_the_way_back_is_as_long(boxes, start, goal):
     world = world_of(boxes)
@@ -230,7 +231,7 @@ def seen_by_marching(boxes, origin, angle, max_range, step=0.005):
     return max_range
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.lists(rectangles, max_size=4), points, st.floats(-3, 3), st.floats(1.0, 12.0))
 def test_scan_agrees_with_stepping_along_each_ray(boxes, origin, theta, max_range):
     world = world_of(boxes)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from taskrpc.rosbridge import protocol
 from taskrpc.rosbridge.protocol import BadOperation, Fragment, Fragments, Throttle, parse, split
+from tests.properties import examples
 
 JSON = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
@@ -29,7 +30,7 @@ def refusal(text):
     return str(caught.value), caught.value.id
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.text() | st.binary() | OPERATIONS.map(json.dumps))
 def test_any_text_is_an_operation_or_refused_with_text_that_can_be_sent(text):
     try:
@@ -40,7 +41,7 @@ def test_any_text_is_an_operation_or_refused_with_text_that_can_be_sent(text):
         msgspec.json.encode(operation)
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(OPERATIONS.map(msgspec.json.encode))
 def test_id_of_an_operation_is_kept_or_dropped(text):
     sent = msgspec.json.decode(text).get("id")
@@ -109,7 +110,7 @@ def joined(parts, fragments=None):
 
 
 @given(st.text(min_size=1, max_size=20), st.integers(1, 300), st.randoms())
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 def test_fragments_in_any_order_give_the_message_again(text, size, chance):
     text = json.dumps({"op": "publish", "topic": "/x", "msg": {"data": text * 30}})
     parts = split(text, size, "name")

@@ -12,6 +12,7 @@ import srvgen
 from srvgen import FieldError
 from srvgen.definitions.field_types import parse_type
 from taskrpc.rosbridge.values import from_json, request_from_json, to_json
+from tests.properties import examples
 
 TYPES = [
     srvgen.load(f"test_msgs/msg/{name}")
@@ -73,20 +74,20 @@ def through_json(message):
 
 
 @given(st.sampled_from(TYPES).flatmap(messages))
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_message_survives_the_way_through_json(message):
     assert repr(through_json(message)) == repr(message)
 
 
 @given(st.sampled_from(TYPES), JSON)
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_any_json_value_gives_a_message_or_a_field_error(cls, value):
     with contextlib.suppress(FieldError):
         from_json(cls, value, (1, 2))._check()
 
 
 @given(st.data())
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 def test_any_value_of_a_field_gives_a_message_or_a_field_error(data):
     cls = data.draw(st.sampled_from(TYPES))
     fields = data.draw(st.dictionaries(st.sampled_from([name for name, _ in cls._FIELDS]), JSON))

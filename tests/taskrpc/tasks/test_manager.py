@@ -16,6 +16,7 @@ from taskrpc.tasks.records.sqlite_store import SqliteStore
 from taskrpc.tasks.records.store import MemoryStore
 from taskrpc.tasks.responses import Resumed
 from taskrpc.testing import VirtualTimeLoop
+from tests.properties import examples
 from tests.taskrpc.tasks.fakes import LineRobot
 
 
@@ -557,7 +558,7 @@ def place(task):
     return -task.priority, task.task_id
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     priorities=st.lists(st.integers(1, 10), min_size=1, max_size=12),
     changes=st.lists(st.tuples(st.integers(0, 11), st.integers(1, 10)), max_size=6),

@@ -20,6 +20,7 @@ from taskrpc.wire.events import (
 )
 from taskrpc.wire.frames import LARGE, NO_DEADLINE, FrameType, pack_frame, pack_header
 from taskrpc.wire.messages import DEFAULT_LIMITS, Resolve
+from tests.properties import examples
 from tests.taskrpc.wire.helpers import ConnectionPair, open_pair, receive
 
 DOCUMENTED = get_args(Event)
@@ -151,7 +152,7 @@ def hear(end, stream, piece):
 
 
 @given(st.data(), st.integers(1, 200))
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_changed_frames_end_one_connection_and_raise_nothing(data, piece):
     pair = open_pair()
     to_server, to_client = conversation()
@@ -179,7 +180,7 @@ hostile_frame = st.builds(
 
 
 @given(st.lists(hostile_frame, max_size=12), st.integers(1, 300), st.booleans())
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_frames_with_random_content_raise_nothing(stream, piece, is_client):
     pair = open_pair()
     for n in range(3):

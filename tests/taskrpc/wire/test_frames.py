@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from taskrpc.errors import ProtocolError
 from taskrpc.wire import frames
 from taskrpc.wire.frames import GROWTH, LARGE, FrameType, Splitter, pack_frame, pack_header
+from tests.properties import examples
 
 LIMIT = 16 * 1024 * 1024 + 65_536
 
@@ -87,7 +88,7 @@ a_frame = st.tuples(
 
 
 @given(st.data(), st.lists(a_frame, max_size=5), st.booleans())
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_the_cuts_of_the_stream_make_no_difference(data, all_frames, use_room):
     stream = packed(all_frames)
     cut = st.integers(0, len(stream))
@@ -124,7 +125,7 @@ def test_the_limit_is_the_largest_body():
 
 
 @given(st.data(), st.lists(a_frame, max_size=3))
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_frames_before_a_bad_length_are_returned_under_every_cut(data, all_frames):
     stream = packed(all_frames) + b"\x00" * 16 + packed([SMALL])
     cuts = sorted(data.draw(st.lists(st.integers(0, len(stream) - 32), max_size=6)))
@@ -177,7 +178,7 @@ def test_a_large_body_takes_memory_in_proportion_to_what_arrived():
 
 
 @given(st.lists(st.binary(max_size=64), max_size=8))
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_garbage_yields_frames_or_an_error_and_keeps_no_more_than_came(pieces):
     splitter = Splitter(64)
     for piece in pieces:

@@ -16,6 +16,7 @@ from taskrpc.wire.frames import LARGE, MAGIC, FrameType, pack_frame
 from taskrpc.wire.handshake import PeerCredentials
 from taskrpc.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Limits, Resolve
 from taskrpc.wire.session import Session
+from tests.properties import examples
 from tests.taskrpc.wire.helpers import (
     CLIENT,
     SERVER,
@@ -309,7 +310,7 @@ BEHIND = pack_frame(FrameType.REQUEST, 0, 1, 1, 50, b"z" * 5000) + pack_frame(
 
 
 @given(st.lists(st.integers(0, len(handshake_stream() + BEHIND)), max_size=8))
-@settings(max_examples=80)
+@settings(max_examples=examples(80))
 def test_a_handshake_and_later_frames_may_arrive_in_any_pieces(cuts):
     stream = handshake_stream() + BEHIND
     server = Session(SERVER, is_client=False)
@@ -345,7 +346,7 @@ def test_secrets_are_not_in_a_repr():
 
 
 @given(st.binary(max_size=300), st.booleans(), st.booleans())
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_garbage_in_a_handshake_only_closes(data, is_client, with_magic):
     session = Session(CLIENT if is_client else SERVER, is_client=is_client)
     events = receive(session, (MAGIC if with_magic else b"") + data)
@@ -355,7 +356,7 @@ def test_garbage_in_a_handshake_only_closes(data, is_client, with_magic):
 
 
 @given(st.data())
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_a_changed_byte_in_a_handshake_never_raises_and_never_lets_a_stranger_in(data):
     stream = bytearray(handshake_stream())
     place = data.draw(st.integers(0, len(stream) - 1))

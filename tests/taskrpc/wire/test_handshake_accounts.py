@@ -16,6 +16,7 @@ from taskrpc.wire.frames import MAGIC, FrameType, pack_frame
 from taskrpc.wire.handshake import PeerCredentials
 from taskrpc.wire.messages import Auth, Hello
 from taskrpc.wire.session import Session
+from tests.properties import examples
 from tests.taskrpc.wire.helpers import CLIENT, SERVER, TOKEN, ConnectionPair, receive
 
 ANA = Account("ana", "anas-secret-anas", Role.OPERATE)
@@ -200,7 +201,7 @@ def deserved(name, key, credentials, accounts):
     st.sampled_from([SERVER.nonce, SERVER.nonce, SERVER.nonce, bytes(16), CLIENT.nonce]),
     st.booleans(),
 )
-@settings(max_examples=200)
+@settings(max_examples=examples(200))
 def test_a_caller_gets_only_the_role_that_it_proves(
     name, key, credentials, role, theirs, with_accounts
 ):
@@ -244,7 +245,7 @@ OVERHEARD = [
 
 
 @given(st.lists(st.sampled_from(OVERHEARD), max_size=6), st.data())
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_recorded_handshakes_cannot_be_replayed(frames, data):
     stream = bytearray(b"".join(frames))
     for place in data.draw(st.lists(st.integers(0, 500), max_size=3)):

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from taskrpc.wire.frames import HEADER, LARGE, NO_DEADLINE, FrameType, pack_frame
 from taskrpc.wire.session import LONGEST_TIME
+from tests.properties import examples
 from tests.taskrpc.wire.helpers import open_pair, receive
 
 SIZE_OF_HEADER = HEADER.size
@@ -37,7 +38,7 @@ server_times = st.one_of(
 
 
 @given(st.lists(a_request, min_size=1, max_size=4), server_times, st.booleans())
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 def test_requests_and_responses_are_the_same_frames_as_from_send(requests, server_time, beside):
     pair, plain = open_pair(), open_pair()
     for call_id, (method, size, left, flags) in enumerate(requests, 1):
@@ -74,7 +75,7 @@ some_frame = st.one_of(
 
 
 @given(st.lists(some_frame, max_size=8), st.data(), st.booleans(), st.booleans())
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_frame_in_one_read_has_the_same_effects_as_in_two_pieces(stream, data, is_client, drains):
     ends = []
     for pair in (open_pair(), open_pair()):

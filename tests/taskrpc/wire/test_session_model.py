@@ -26,6 +26,7 @@ from taskrpc.wire.events import (
 )
 from taskrpc.wire.frames import LARGE
 from taskrpc.wire.messages import Limits, Resolve, encode
+from tests.properties import examples
 from tests.taskrpc.wire.helpers import open_pair
 
 LIMITS = Limits(body=3 * LARGE, calls=3, bytes=100)
@@ -241,4 +242,4 @@ class Talk(RuleBasedStateMachine):
 
 
 TestTalk = Talk.TestCase
-TestTalk.settings = settings(max_examples=60, stateful_step_count=40)
+TestTalk.settings = settings(max_examples=examples(60), stateful_step_count=40)

@@ -12,6 +12,7 @@ from taskrpc.wire import messages, status
 from taskrpc.wire.frames import Flag
 from taskrpc.wire.messages import ErrorBody
 from taskrpc.wire.status import MAX_MESSAGE, from_wire, to_wire
+from tests.properties import examples
 
 TRAVEL = [
     errors.DeadlineExceeded("too late"),
@@ -152,7 +153,7 @@ sentences = st.builds(ErrorBody, st.text(characters), st.text(characters))
     st.integers(0, 0xFFFF),
     st.one_of(st.binary(max_size=50), sentences.map(messages.encode)),
 )
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 def test_any_error_frame_becomes_an_error(code, flags, retry_after, body):
     arrived = from_wire(code, flags, retry_after, body)
     assert isinstance(arrived, TaskRpcError)

@@ -12,6 +12,7 @@ from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.model import TaskState
 from taskrpc.tasks.records.store import MemoryStore
 from taskrpc.testing import VirtualTimeLoop
+from tests.properties import examples
 from tests.taskrpc.tasks.fakes import LineRobot
 
 submits = st.tuples(st.just("submit"), st.integers(0, 5), st.integers(1, 10))
@@ -135,7 +136,7 @@ def virtually(coroutine):
 
 
 @example(actions=[("submit", 0, 1), ("sleep", 0.1, None)], speed=1.0)  # resumed as its run begins
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(actions=st.lists(st.one_of(submits, pauses), max_size=12), speed=st.sampled_from([1.0, 8.0]))
 def test_undisturbed_tasks_of_equal_priority_end_at_their_estimates(actions, speed):
     equal = [(name, a, 5 if name == "submit" else b) for name, a, b in actions]
@@ -144,7 +145,7 @@ def test_undisturbed_tasks_of_equal_priority_end_at_their_estimates(actions, spe
     assert not any(task.changes for task in manager.repository.ended())
 
 
-@settings(max_examples=150)
+@settings(max_examples=examples(150))
 @given(
     actions=st.lists(st.one_of(submits, submits, meddling, refusals, pauses), max_size=30),
     speed=st.sampled_from([1.0, 8.0]),

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 
 from taskrpc.tasks.queue import sum_tree
 from taskrpc.tasks.queue.sum_tree import SumTree
+from tests.properties import examples
 
 STEPS = st.lists(
     st.tuples(st.sampled_from("iiirw"), st.integers(0, 200), st.integers(0, 1000)), max_size=400
@@ -31,7 +32,7 @@ def check(tree, model, number):
         assert tree.before(key + 1) == f"v{key}"
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(steps=STEPS)
 def test_it_agrees_with_a_sorted_list(steps):
     with pytest.MonkeyPatch.context() as monkeypatch:

@@ -14,6 +14,7 @@ from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, invaria
 from taskrpc.robot.protocol import Plan, Pose
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.queue.task_queue import TaskQueue
+from tests.properties import examples
 
 HOME = Pose(0.0, 0.0, 0.0)
 
@@ -138,7 +139,7 @@ class QueueAgainstSortedList(RuleBasedStateMachine):
 
 
 TestQueueAgainstSortedList = QueueAgainstSortedList.TestCase
-TestQueueAgainstSortedList.settings = settings(max_examples=60, stateful_step_count=30)
+TestQueueAgainstSortedList.settings = settings(max_examples=examples(60), stateful_step_count=30)
 
 
 async def test_equals_run_in_the_order_of_their_arrival():

@@ -20,6 +20,7 @@ from taskrpc.transport.limits.keepalive import DEFAULT
 from taskrpc.wire.frames import LARGE
 from taskrpc.wire.messages import Limits
 from taskrpc.wire.session import LAST_CALL_ID, Session
+from tests.properties import examples
 from tests.taskrpc.wire.helpers import CLIENT, SERVER
 
 NEARLY_ALL = LAST_CALL_ID - 2
@@ -180,7 +181,7 @@ steps = st.lists(st.tuples(st.one_of(a_call, a_call, other_step), st.booleans())
 
 @pytest.mark.real_time
 @given(steps, st.sampled_from([100, 2 * LARGE]))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 def test_call_sent_by_a_thread_has_the_effects_of_one_sent_by_the_event_loop(steps, body):
     limits = Limits(body=body, calls=3, bytes=3 * LARGE)
 

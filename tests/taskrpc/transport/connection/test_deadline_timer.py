@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from taskrpc.transport.connection.deadline_timer import CHECK_LATE, TICK, CheckPlan, is_over
+from tests.properties import examples
 
 RESOLUTION = 2e-9
 
@@ -92,4 +93,4 @@ class Watching(RuleBasedStateMachine):
 
 
 TestWatching = Watching.TestCase
-TestWatching.settings = settings(max_examples=80, stateful_step_count=40)
+TestWatching.settings = settings(max_examples=examples(80), stateful_step_count=40)

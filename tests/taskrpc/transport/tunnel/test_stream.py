@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from taskrpc.transport.tunnel import frames, stream
 from taskrpc.transport.tunnel.frames import MAX_DATA, Kind
 from taskrpc.transport.tunnel.stream import WINDOW, State, Stream
+from tests.properties import examples
 
 
 def pair(window=WINDOW):
@@ -192,7 +193,7 @@ class Wire:
                 yield self._draw(st.binary(max_size=60))
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(st.data())
 @pytest.mark.parametrize("faults", [[], ["repeat"], ["lose", "delay", "repeat", "garbage"]])
 def test_bytes_arrive_unchanged_or_the_connection_is_reset(faults, data):

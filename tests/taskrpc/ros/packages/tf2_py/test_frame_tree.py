@@ -16,6 +16,7 @@ from taskrpc.ros.packages.tf2_py import (
 from taskrpc.ros.packages.tf2_py.descriptions import as_dot, as_yaml
 from taskrpc.ros.packages.tf2_py.frame_tree import FrameTree
 from taskrpc.ros.packages.tf2_py.geometry import Transform, quaternion_of_angles
+from tests.properties import examples
 
 SECOND = 1_000_000_000
 LEFT = quaternion_of_angles(0, 0, math.pi / 2)
@@ -329,7 +330,7 @@ def trees(draw):
     return [(f"f{draw(st.integers(0, n - 1))}", f"f{n}", draw(poses)) for n in range(1, count)]
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(trees(), st.data())
 def test_transforms_along_any_way_agree(links, data):
     tree = tree_of(*links)
@@ -343,7 +344,7 @@ def test_transforms_along_any_way_agree(links, data):
     assert (chain[0], chain[-1], len(set(chain))) == (b, a, len(chain))
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(trees(), st.data())
 def test_order_of_arrival_does_not_matter(links, data):
     timed = [(*link, time) for link in links for time in (SECOND, 2 * SECOND)]
@@ -357,7 +358,7 @@ def test_order_of_arrival_does_not_matter(links, data):
             assert tree.obstacle("f0", name, time) == other.obstacle("f0", name, time) == ""
 
 
-@settings(max_examples=40)
+@settings(max_examples=examples(40))
 @given(trees(), st.data())
 def test_lookup_fails_exactly_when_there_is_an_obstacle(links, data):
     tree = FrameTree()

@@ -6,6 +6,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from tests.properties import examples
+
 HALF = math.sqrt(0.5)
 
 
@@ -63,7 +65,7 @@ def test_wrong_lines_have_the_errors_of_ros(parse, line, text):
 words = st.sampled_from("--x --qw --yaw --frame-id --child-frame-id -h 1 nan far a".split())
 
 
-@settings(max_examples=50, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(50), suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(words, max_size=10))
 def test_any_line_gives_a_transform_or_one_line_of_explanation(parse, line):
     try:
