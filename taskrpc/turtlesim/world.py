@@ -22,6 +22,8 @@ COMMAND_LASTS = 1.0
 _CLOSE_ENOUGH = 0.02
 """A rotation is complete when the heading differs from its goal by less than this [rad]."""
 _ROTATION_SPEED = 1.0
+_FASTEST = 1e30
+"""A higher velocity is limited to this: commands are float64, but poses are float32."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +84,8 @@ class Turtle:
 
     def command(self, linear_x: float, linear_y: float, angular: float, now: float) -> None:
         """Move with these velocities for `COMMAND_LASTS`, or until the next command."""
-        self.linear_x, self.linear_y = finite(linear_x), finite(linear_y)
-        self.angular = finite(angular)
+        self.linear_x, self.linear_y = _velocity(linear_x), _velocity(linear_y)
+        self.angular = _velocity(angular)
         self._commanded = now
 
     def set_pen(self, color: Color, width: int, off: bool) -> None:
@@ -197,6 +199,10 @@ def normalized(angle: float) -> float:
 def finite(value: float) -> float:
     """The number, or 0 for infinity and NaN, which messages can carry."""
     return value if math.isfinite(value) else 0.0
+
+
+def _velocity(value: float) -> float:
+    return min(max(finite(value), -_FASTEST), _FASTEST)
 
 
 def _clamped(value: float) -> float:

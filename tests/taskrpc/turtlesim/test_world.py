@@ -174,3 +174,13 @@ def test_any_numbers_leave_a_turtle_inside_the_window(x, y, theta):
     assert 0 <= turtle.x <= SIDE
     assert 0 <= turtle.y <= SIDE
     assert -math.pi <= turtle.theta <= math.pi
+
+
+@given(st.floats(), st.floats(), st.floats())
+def test_any_velocity_gives_a_pose_that_fits_a_message(linear_x, linear_y, angular):
+    world, turtle = a_turtle()
+    turtle.command(linear_x, linear_y, angular, now=0.0)
+    world.step(0.0)
+    pose = turtle.x, turtle.y, turtle.theta, turtle.speed, turtle.angular
+    largest_float32 = 3.4e38
+    assert all(abs(value) < largest_float32 for value in pose)
