@@ -8,6 +8,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
@@ -15,17 +16,17 @@ import rclpy
 from geometry_msgs.msg import Twist
 from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterEvent
 from rclpy.action import ActionServer, CancelResponse
-from rclpy.exceptions import InvalidTopicNameException
+from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
-from rclpy.validate_topic_name import validate_topic_name
 from std_srvs.srv import Empty
 from turtlesim.action import RotateAbsolute
 from turtlesim.msg import Color, Pose
 from turtlesim.srv import Kill, SetPen, Spawn, TeleportAbsolute, TeleportRelative
 
+from taskrpc.errors import NameInUse
 from taskrpc.turtlesim.canvas import Color as Rgb
 from taskrpc.turtlesim.drawing import views
 from taskrpc.turtlesim.teleop import TeleopTurtle
@@ -84,7 +85,11 @@ class Turtlesim(Node):
     def _add(self, name: str, x: float, y: float, theta: float) -> str:
         name = name or self.world.free_name()
         turtle = self.world.spawn(name, x, y, theta)
-        self._entities[name] = _Entities(self, turtle)
+        try:
+            self._entities[name] = _Entities(self, turtle)
+        except BaseException:
+            del self.world.turtles[name]
+            raise
         where = f"x=[{x:.6f}], y=[{y:.6f}], theta=[{theta:.6f}]"
         self.get_logger().info(f"Spawning turtle [{name}] at {where}")
         return name
@@ -96,10 +101,12 @@ class Turtlesim(Node):
     def _spawn(self, request: Spawn.Request, response: Spawn.Response) -> Spawn.Response:
         if request.name in self.world.turtles:
             self.get_logger().error(f"A turtle named [{request.name}] already exists")
-        elif problem := _problem_of(request.name):
-            self.get_logger().error(f"A turtle cannot be named [{request.name}]: {problem}")
         else:
-            response.name = self._add(request.name, request.x, request.y, request.theta)
+            try:
+                response.name = self._add(request.name, request.x, request.y, request.theta)
+            except (NameValidationException, NameInUse) as error:
+                problem = " ".join(str(error).split())
+                self.get_logger().error(f"A turtle cannot be named [{request.name}]: {problem}")
         return response
 
     def _kill(self, request: Kill.Request, response: Kill.Response) -> Kill.Response:
@@ -137,18 +144,26 @@ class _Entities:
     """The topics, services and the action of one turtle."""
 
     def __init__(self, node: Turtlesim, turtle: Turtle) -> None:
-        self._node, self._turtle = node, turtle
+        self._turtle = turtle
         at = partial("{}/{}".format, turtle.name)
-        self._poses = node.create_publisher(Pose, at("pose"), _QUEUE)
-        self._colors = node.create_publisher(Color, at("color_sensor"), _QUEUE)
-        move = partial(node.command, turtle)
-        self._commands = node.create_subscription(Twist, at("cmd_vel"), move, _QUEUE)
-        self._services = [
-            node.create_service(SetPen, at("set_pen"), self._set_pen),
-            node.create_service(TeleportRelative, at("teleport_relative"), self._shift),
-            node.create_service(TeleportAbsolute, at("teleport_absolute"), self._teleport),
-        ]
-        self.rotations = _Rotations(node, turtle)
+        services = {
+            "set_pen": (SetPen, self._set_pen),
+            "teleport_relative": (TeleportRelative, self._shift),
+            "teleport_absolute": (TeleportAbsolute, self._teleport),
+        }
+        with ExitStack() as made:  # a name that is refused leaves nothing behind
+            self._poses = node.create_publisher(Pose, at("pose"), _QUEUE)
+            made.callback(node.destroy_publisher, self._poses)
+            self._colors = node.create_publisher(Color, at("color_sensor"), _QUEUE)
+            made.callback(node.destroy_publisher, self._colors)
+            move = partial(node.command, turtle)
+            commands = node.create_subscription(Twist, at("cmd_vel"), move, _QUEUE)
+            made.callback(node.destroy_subscription, commands)
+            for name, (kind, answer) in services.items():
+                made.callback(node.destroy_service, node.create_service(kind, at(name), answer))
+            self.rotations = _Rotations(node, turtle)
+            made.callback(self.rotations.destroy)
+            self._made = made.pop_all()
 
     def publish(self, moved: Moved) -> None:
         """Publish the state after a step."""
@@ -163,12 +178,7 @@ class _Entities:
 
     def destroy(self) -> None:
         """Remove them from the node."""
-        self.rotations.destroy()
-        self._node.destroy_publisher(self._poses)
-        self._node.destroy_publisher(self._colors)
-        self._node.destroy_subscription(self._commands)
-        for service in self._services:
-            self._node.destroy_service(service)
+        self._made.close()
 
     def _set_pen(self, request: SetPen.Request, response: SetPen.Response) -> SetPen.Response:
         color = (request.r, request.g, request.b)
@@ -253,16 +263,6 @@ def main(args: Sequence[str] | None = None) -> int:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     return 0
-
-
-def _problem_of(name: str) -> str:
-    """Why topics cannot have the name of a turtle; "" if they can."""
-    try:
-        if name:
-            validate_topic_name(f"{name}/pose")
-    except InvalidTopicNameException as error:
-        return " ".join(str(error).split())
-    return ""
 
 
 def _show(options: argparse.Namespace) -> None:

@@ -146,5 +146,8 @@ def test_a_name_that_topics_cannot_have_is_an_error_in_the_log(turtlesim):
     call = ("service", "call", "/spawn", SPAWN)
     assert "name=''" in turtlesim.command(*call, "{x: 2, y: 2, name: my turtle}")
     node.wait_for("A turtle cannot be named [my turtle]: ")
+    long = "x" * 250  # longer than a topic's name may be
+    assert "name=''" in turtlesim.command(*call, f"{{x: 2, y: 2, name: {long}}}")
+    node.wait_for(f"A turtle cannot be named [{long}]: ")
     assert "name='turtle2'" in turtlesim.command(*call, "{x: 2, y: 2}")
     assert node.interrupt() == 0
