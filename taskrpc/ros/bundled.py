@@ -8,7 +8,10 @@ from pathlib import Path
 FOLDER = Path(__file__).parent / "packages"
 """The folder of the packages; each has its name in ROS."""
 
-SHARES = {"turtlesim": Path(__file__).parents[1] / "turtlesim"}
+SHARES = {
+    "demo_nodes_cpp": Path(__file__).parent / "shares" / "demo_nodes_cpp",
+    "turtlesim": Path(__file__).parents[1] / "turtlesim",
+}
 """The share folders of packages that have launch files."""
 
 EXECUTABLES = {
