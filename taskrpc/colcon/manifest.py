@@ -104,7 +104,7 @@ NOT_IN_ROS = frozenset({"my_robot_interfaces", "taskrpc_interfaces"})
 
 _OF_ROS = frozenset(
     "action_tutorials_interfaces ament_index_python cv_bridge launch launch_ros message_filters"
-    " nav2_msgs nav2_simple_commander rcl_interfaces rclpy rosbag2_py rosidl_runtime_py"
+    " nav2_common nav2_msgs nav2_simple_commander rcl_interfaces rclpy rosbag2_py rosidl_runtime_py"
     " ros2_numpy tf2_geometry_msgs tf2_py tf2_ros tf2_sensor_msgs tf2_tools"
     " tf_transformations control_msgs"
     " moveit_msgs image_transport_py diagnostic_updater image_geometry interactive_markers"
