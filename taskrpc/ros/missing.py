@@ -24,6 +24,9 @@ _CAMERAS = "use the camera functions of OpenCV; `cv_bridge` converts the images"
 _MARKERS = "there is no rviz2 that shows markers; `visualization_msgs` has only the messages"
 _NAV2 = "Nav2 runs only on a real ROS 2; taskrpc has its interfaces, in `nav2_msgs`"
 _MOVEIT = "MoveIt runs only on a real ROS 2; taskrpc has its interfaces, in `moveit_msgs`"
+_GAZEBO = "Gazebo runs only on a real ROS 2; taskrpc has its interfaces, in `ros_gz_interfaces`"
+_WEBOTS = "Webots' launcher runs only on a real ROS 2"
+_XACRO = "PyPI has it; run pip install xacro"
 _BAGS = "use `taskrpc bag` to read and convert recordings"
 
 _PYTHON = {
@@ -31,7 +34,12 @@ _PYTHON = {
     "image_geometry": _CAMERAS,
     "interactive_markers": _MARKERS,
     "nav2_simple_commander": _NAV2,
-    **dict.fromkeys("moveit moveit_commander moveit_configs_utils".split(), _MOVEIT),
+    **dict.fromkeys(
+        "launch_param_builder moveit moveit_commander moveit_configs_utils".split(), _MOVEIT
+    ),
+    **dict.fromkeys("gazebo_ros ros_gz_bridge ros_gz_sim".split(), _GAZEBO),
+    "webots_ros2_driver": _WEBOTS,
+    "xacro": _XACRO,
     "rosbag2_py": _BAGS,
     **dict.fromkeys("ros2cli ros2node ros2param ros2pkg ros2service ros2topic".split(), _COMMANDS),
     **dict.fromkeys(

@@ -78,7 +78,8 @@ def get_launch_description_from_python_launch_file(location: str) -> LaunchDescr
     function = names.get(_FUNCTION)
     if function is None:
         raise InvalidPythonLaunchFileError(
-            f"launch file at '{location}' does not contain the required function '{_FUNCTION}()'"
+            f"launch file at '{location}' does not contain the required function '{_FUNCTION}()';"
+            " define it, and return a LaunchDescription"
         )
     return checked_description(function(), location)
 

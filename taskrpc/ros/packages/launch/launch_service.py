@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import signal
 import threading
 import traceback
 from collections.abc import Iterable, Iterator
-from types import TracebackType
 from typing import Any
 
 from taskrpc.platform import stop_signals
@@ -25,6 +23,7 @@ from .launch_description_entity import (
     visit_all_entities_and_collect_futures,
 )
 from .logging import get_logger
+from .utilities.problems import explained
 
 _REASON = "ctrl-c (SIGINT)"
 
@@ -206,26 +205,3 @@ class LaunchService:
             f"Caught exception in launch (see debug for traceback): {explained(error)}"
         )
         self._shutdown(f"Caught exception in launch: {error}")
-
-
-def explained(error: BaseException) -> str:
-    """One line about an error, with the line of the launch file where it happened."""
-    problem = str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error)
-    if isinstance(error, SyntaxError):
-        return f"{error.filename}, line {error.lineno}: {type(error).__name__}: {error.msg}"
-    place = _place(error.__traceback__)
-    if place and not isinstance(error, (RuntimeError, FileNotFoundError)):
-        kind = "" if type(error).__name__ in problem else f"{type(error).__name__}: "
-        return f"{place}: {kind}{problem}"
-    return problem
-
-
-def _place(trace: TracebackType | None) -> str:
-    """The innermost line that belongs to a launch file or its package, "" if there is none."""
-    ours = os.path.dirname(os.path.dirname(__file__))
-    found = ""
-    for frame in traceback.extract_tb(trace):
-        is_foreign = frame.filename.startswith(("<", ours, os.path.dirname(os.__file__)))
-        if not is_foreign and f"{os.sep}taskrpc{os.sep}" not in frame.filename:
-            found = f"{frame.filename}, line {frame.lineno}"
-    return found

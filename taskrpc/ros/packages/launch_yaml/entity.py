@@ -52,6 +52,12 @@ def _entity(name: str, content: Any, place: str) -> Entity:
 
 
 def _child(name: str, content: Any, place: str) -> Entity:
+    if isinstance(content, dict) and len(content) > 1 and next(iter(content.values())) is None:
+        first = next(iter(content))
+        raise InvalidLaunchFileError(
+            f"{place}: expected the keys of `{first}` inside it, got them beside it; indent the"
+            f" lines below `- {first}:` by two more spaces"
+        )
     if not isinstance(content, dict) or len(content) != 1:
         raise InvalidLaunchFileError(
             f"{place}: expected elements with one key each in `{name}`, got {content!r}"

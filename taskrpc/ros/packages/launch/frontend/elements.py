@@ -273,6 +273,8 @@ _SUBSTITUTIONS: dict[str, Callable[..., Substitution]] = {
     "command": _command,
     "dirname": s.ThisLaunchFileDir,
     "filename": s.ThisLaunchFile,
+    "launch_log_dir": s.LaunchLogDir,
+    "log_dir": s.LaunchLogDir,
     "find-exec": lambda name: s.FindExecutable(name=name),
     "file-content": s.FileContent,
     "anon": s.AnonName,

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..utilities.type_utils import coerce_to_type
+from .hints import attribute_hint
 
 
 class Entity:
@@ -65,7 +66,10 @@ class Entity:
         if found is None:
             if optional:
                 return None
-            raise AttributeError(f"Attribute '{name}' not found in Entity '{self._type_name}'")
+            given = {*self._attributes, *(each.type_name for each in self._children)} - self._used
+            hint = attribute_hint(self._type_name, sorted(given), [name])
+            problem = f"Attribute '{name}' not found in Entity '{self._type_name}'"
+            raise AttributeError(f"{problem}{hint}")
         if _is_entities(data_type) or data_type is None:
             return found
         if data_type is str:
@@ -81,10 +85,14 @@ class Entity:
         """Raise ValueError for an attribute or an element inside that nothing has read."""
         unknown = sorted(set(self._attributes) - self._used)
         if unknown:
-            raise ValueError(f"Unexpected attribute(s) found in `{self._type_name}`: {unknown}")
-        inner = {each.type_name for each in self._children} - self._used
+            hint = attribute_hint(self._type_name, unknown, self._used)
+            problem = f"Unexpected attribute(s) found in `{self._type_name}`: {unknown}"
+            raise ValueError(f"{problem}{hint}")
+        inner = sorted({each.type_name for each in self._children} - self._used)
         if inner and not self._all_children_used:
-            raise ValueError(f"Unexpected nested entity(ies) found in `{self._type_name}`: {inner}")
+            hint = attribute_hint(self._type_name, inner, self._used)
+            problem = f"Unexpected nested entity(ies) found in `{self._type_name}`: {inner}"
+            raise ValueError(f"{problem}{hint}")
 
 
 def _is_entities(data_type: Any) -> bool:

@@ -6,6 +6,7 @@ from typing import Any
 
 from ..substitution import Substitution, TextSubstitution
 from .expose import substitution_parsers
+from .hints import substitution_hint
 from .substitution_text import Call, Template, parse_text
 
 
@@ -30,7 +31,8 @@ def _substitutions(template: Template) -> list[Substitution]:
 def _called(call: Call) -> Substitution:
     build = substitution_parsers.get(call.name)
     if build is None:
-        raise RuntimeError(f"Unknown substitution: {call.name}")
+        hint = substitution_hint(call.name, substitution_parsers)
+        raise RuntimeError(f"Unknown substitution: {call.name}{hint}")
     arguments = [_substitutions(each) or [TextSubstitution(text="")] for each in call.arguments]
     try:
         found: Substitution = build(*arguments)

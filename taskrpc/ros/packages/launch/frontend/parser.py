@@ -10,6 +10,7 @@ from ..substitution import Substitution
 from . import elements as known_elements
 from .entity import Entity
 from .expose import action_parsers
+from .hints import element_hint
 from .parse_substitution import parse_if_substitutions, parse_substitution
 
 _EXTENSIONS = ("launch_ros.elements",)
@@ -33,7 +34,8 @@ class Parser:
         build = action_parsers.get(name) or action_parsers.get(name.replace("-", "_"))
         try:
             if build is None:
-                raise RuntimeError(f"Unrecognized entity of the type: {name}")
+                hint = element_hint(name, action_parsers)
+                raise RuntimeError(f"Unrecognized entity of the type: {name}{hint}")
             action = build(entity, self)
             entity.assert_entity_completely_parsed()
         except ElementError:

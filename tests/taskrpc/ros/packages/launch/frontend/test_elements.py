@@ -109,3 +109,27 @@ async def test_file_includes_another_one_with_arguments(play_text, tmp_path):
         "</include></launch>"
     )
     assert await play_text(text, b="1") == (0, ["[INFO] [launch.user]: got 1"])
+
+
+@pytest.mark.parametrize(
+    ("element", "problem"),
+    [
+        ("<param/>", "Unrecognized entity of the type: param; in ROS 2, write it inside the node;"),
+        ("<grup/>", "Unrecognized entity of the type: grup; did you mean group?"),
+        ('<log message="$(arg a)"/>', "Unknown substitution: arg; in ROS 2, write $(var NAME)"),
+        ('<log message="$(varr a)"/>', "Unknown substitution: varr; did you mean var?"),
+        ('<log mesage="a"/>', "'message' not found in Entity 'log'; did you mean message?"),
+        ('<node pkg="a" type="b"/>', "; `type`: in ROS 2, its name is exec"),
+        ('<include file="a" ns="b"/>', "; `ns`: in ROS 2, write a group with push_ros_namespace"),
+    ],
+)
+async def test_name_of_ros_1_or_a_misspelt_one_gets_a_hint(play_text, element, problem):
+    code, (line,) = await play_text(f"<launch>{element}</launch>")
+    assert code == 1
+    assert problem in line
+
+
+async def test_yaml_with_too_little_indentation_gets_a_hint(play_text):
+    code, (line,) = await play_text("launch:\n- node:\n  pkg: a\n  exec: b\n", "yaml")
+    assert code == 1
+    assert "indent the lines below `- node:` by two more spaces" in line
