@@ -7,12 +7,13 @@ import os
 import stat
 import sys
 import tempfile
-from argparse import ArgumentParser, Namespace
+from argparse import Namespace
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from taskrpc.cli.shared.command import Exit, UsageError, hinted
+from taskrpc.cli.shared.parsing import Parser
 from taskrpc.errors import TaskRpcError
 
 _USAGE = """taskrpc launch [-h] [OPTIONS] PACKAGE FILE [NAME:=VALUE ...]
@@ -20,11 +21,15 @@ _USAGE = """taskrpc launch [-h] [OPTIONS] PACKAGE FILE [NAME:=VALUE ...]
 _LEFT_OUT = {"build", "install", "log", "__pycache__", ".git"}
 _SETTINGS = {"emulate_tty", "sigterm_timeout", "sigkill_timeout"}
 """Launch configurations that `launch` itself reads, even if the launch file does not use them."""
+_ENVIRONMENT = {"ROS_VERSION": "2", "ROS_PYTHON_VERSION": "3", "ROS_DISTRO": "kilted"}
+"""Variables that ROS's setup file sets, and that launch files read."""
+_SUFFIXES = (".py", ".xml", ".yaml", ".yml")
 
 
-def configure(parser: ArgumentParser) -> None:
+def configure(parser: Parser) -> None:
     """Give the parser of `taskrpc launch` its arguments."""
     parser.usage = _USAGE
+    parser.mixed = True
     parser.add_argument("target", metavar="PACKAGE", help="a package, or the path of a launch file")
     what = "the launch file's name, without its folder; then arguments, as NAME:=VALUE"
     parser.add_argument("rest", metavar="FILE", nargs="*", help=what)
@@ -57,6 +62,9 @@ def _run(options: Namespace) -> int:
     path, words = _launch_file(options.target, options.rest)
     hook.install(path.resolve().parent, Path.cwd())
     arguments = parse_arguments(words)
+    for name, value in _ENVIRONMENT.items():
+        os.environ.setdefault(name, value)
+    _tolerate_missing_packages()
     if options.print or options.show:
         return _describe(path, is_tree=options.print)
     for name in ("launch_prefix", "launch_prefix_filter"):
@@ -75,7 +83,6 @@ def _launch(path: Path, arguments: dict[str, str], words: list[str], options: Na
 
     from taskrpc.ros.process_tree import end_children_with_this_process
 
-    _tolerate_missing_packages()
     config = launch.logging.launch_config
     config.level = logging.DEBUG if options.debug else logging.INFO
     logger = launch.logging.get_logger("launch")
@@ -142,8 +149,8 @@ def _launch_file(target: str, rest: list[str]) -> tuple[Path, list[str]]:
     if not has_name:
         if os.path.isfile(target):
             return Path(target), rest
-        if os.sep in target or target.endswith((".py", ".xml", ".yaml", ".yml")):
-            raise TaskRpcError(f"cannot launch {target}: No such file or directory")
+        if os.sep in target or target.endswith(_SUFFIXES):
+            raise _no_file(target)
         raise UsageError(
             f"expected a package and its launch file, or the path of a launch file, got '{target}'"
         )
@@ -152,6 +159,16 @@ def _launch_file(target: str, rest: list[str]) -> tuple[Path, list[str]]:
             f"malformed launch argument '{rest[0]}', expected format '<name>:=<value>'"
         )
     return file_in_package(target, rest[0]), rest[1:]
+
+
+def _no_file(target: str) -> Exception:
+    """The error for a path that does not exist, with the next step."""
+    folder, name = os.path.split(target)
+    if folder and not os.path.isdir(folder):
+        return TaskRpcError(f"cannot launch {target}: the folder {folder} does not exist")
+    there = [each for each in os.listdir(folder or ".") if each.endswith(_SUFFIXES)]
+    hint = _guess(name, there) or f"for a file of a package, write: taskrpc launch PACKAGE {name}"
+    return hinted(TaskRpcError(f"cannot launch {target}: No such file or directory"), hint)
 
 
 def file_in_package(package: str, name: str) -> Path:
@@ -208,7 +225,7 @@ def _describe(path: Path, *, is_tree: bool) -> Exit:
         else:
             print("\n".join(_argument_lines(description.get_launch_arguments())))
     except Exception as error:  # of the launch file
-        raise TaskRpcError(launch.launch_service.explained(error)) from None
+        raise TaskRpcError(launch.utilities.problems.explained(error)) from None
     return Exit.DONE
 
 

@@ -29,3 +29,10 @@ def add_module_names(package: str) -> None:
         sys.modules.setdefault(f"{package}.{inner}", home_of_class)
         if not hasattr(home, inner):
             setattr(home, inner, home_of_class)
+
+
+def add_other_name(package: str, name: str, known_as: str) -> None:
+    """Make a loaded module of a package importable under another name, which it has in ROS."""
+    module = sys.modules[f"{package}.{known_as}"]
+    sys.modules.setdefault(f"{package}.{name}", module)
+    setattr(sys.modules[package], name, module)

@@ -6,8 +6,10 @@ import sys
 
 import pytest
 
-from taskrpc.cli.launch import parse_arguments
+from taskrpc.cli.launch import _launch_file, parse_arguments
+from taskrpc.cli.main import parser_of
 from taskrpc.cli.shared.command import UsageError
+from taskrpc.errors import TaskRpcError
 
 pytestmark = pytest.mark.real_time
 
@@ -79,23 +81,43 @@ def test_missing_package_or_file_is_one_line(launch):
     code, _, err = launch("my_robot", "robt.launch.py")
     assert err.startswith("file 'robt.launch.py' was not found in the share directory of package")
     assert "did you mean robot.launch.py?" in err
-    assert launch("nope.launch.py") == (
-        1,
-        "",
-        "cannot launch nope.launch.py: No such file or directory\n",
-    )
 
 
-def test_launch_file_of_a_missing_package_is_left_out(launch, tmp_path):
+def test_missing_path_gets_the_next_step(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    problem = "cannot launch robt.launch.py: No such file or directory"
+    with pytest.raises(TaskRpcError, match=problem) as caught:
+        _launch_file("robt.launch.py", [])
+    step = "for a file of a package, write: taskrpc launch PACKAGE robt.launch.py"
+    assert caught.value.__notes__ == [step]
+    (tmp_path / "robot.launch.py").touch()
+    with pytest.raises(TaskRpcError, match=problem) as caught:
+        _launch_file("robt.launch.py", ["a:=1"])
+    assert caught.value.__notes__ == ["did you mean robot.launch.py?"]
+    with pytest.raises(TaskRpcError, match="the folder nope does not exist"):
+        _launch_file("nope/a.launch.py", [])
+
+
+@pytest.mark.parametrize("line", ["-a f.py x:=1", "f.py -a x:=1", "f.py x:=1 -a"])
+def test_options_may_stand_anywhere(line):
+    options = parser_of("launch").parse_args(["launch", *line.split()])
+    assert (options.target, options.rest) == ("f.py", ["x:=1"])
+    assert options.show_all_subprocesses_output
+
+
+def test_launch_file_of_a_missing_package_is_left_out(launch, tmp_path, monkeypatch):
     (tmp_path / "a.launch.py").write_text(
         "import os\nfrom ament_index_python.packages import get_package_share_directory\n"
         "from launch import LaunchDescription\n"
         "from launch.actions import IncludeLaunchDescription, LogInfo\n"
         "def generate_launch_description():\n"
+        "    assert (os.environ['ROS_VERSION'], os.environ['ROS_DISTRO']) == ('2', 'kilted')\n"
         "    share = get_package_share_directory('gazebo_ros')\n"
         "    world = IncludeLaunchDescription(os.path.join(share, 'launch', 'world.launch.py'))\n"
         "    return LaunchDescription([world, LogInfo(msg='the rest')])\n"
     )
+    monkeypatch.delenv("ROS_DISTRO", raising=False)
+    assert launch("a.launch.py", "--print")[0] == 0
     code, out, _ = launch("a.launch.py")
     assert code == 0
     assert out.splitlines()[2:] == [

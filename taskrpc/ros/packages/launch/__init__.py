@@ -5,7 +5,7 @@ Start with `launch_service`, which executes the entities of a `launch_descriptio
 `launch_ros` adds nodes; only that package knows anything of ROS.
 """
 
-from taskrpc.ros.module_names import add_module_names
+from taskrpc.ros.module_names import add_module_names, add_other_name
 
 from . import (
     actions,
@@ -25,14 +25,16 @@ from .event import Event
 from .event_handler import EventHandler
 from .launch_context import LaunchContext
 from .launch_description import LaunchDescription
-from .launch_description_entity import LaunchDescriptionEntity, SomeEntitiesType
+from .launch_description_entity import (
+    LaunchDescriptionEntity,
+    SomeActionsType,
+    SomeEntitiesType,
+)
 from .launch_description_source import InvalidLaunchFileError, LaunchDescriptionSource
 from .launch_introspector import LaunchIntrospector
 from .launch_service import LaunchService
 from .some_substitutions_type import SomeSubstitutionsType, SomeSubstitutionsType_types_tuple
 from .substitution import Substitution, SubstitutionFailure
-
-SomeActionsType = SomeEntitiesType
 
 __all__ = [
     "Action",
@@ -65,3 +67,6 @@ __all__ = [
 ]
 
 add_module_names(__name__)
+add_other_name(__name__, "condition", "conditions")
+add_other_name(__name__, "some_actions_type", "launch_description_entity")
+add_other_name(__name__, "some_entities_type", "launch_description_entity")

@@ -41,6 +41,7 @@ class LaunchDescriptionEntity:
 
 
 SomeEntitiesType: TypeAlias = "LaunchDescriptionEntity | Iterable[LaunchDescriptionEntity]"
+SomeActionsType: TypeAlias = SomeEntitiesType
 
 
 def entities_of(value: Any) -> list[LaunchDescriptionEntity]:

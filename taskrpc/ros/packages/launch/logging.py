@@ -23,6 +23,7 @@ _PRESETS: dict[str, dict[str, set[str]]] = {
     "full": {"stdout": {"screen", "log", "own_log"}, "stderr": {"screen", "log", "own_log"}},
 }
 _TARGETS = frozenset({"screen", "log", "own_log"})
+_SAID = "warnings that were logged"
 
 
 class _Screen(logging.Handler):
@@ -58,6 +59,13 @@ class LaunchConfig:
             with contextlib.suppress(OSError):  # a full or read-only disk stops no program
                 self._folder.mkdir(parents=True, exist_ok=True)
         return str(self._folder)
+
+    @log_dir.setter
+    def log_dir(self, folder: str | os.PathLike[str]) -> None:
+        self.close()
+        self._folder = Path(folder)
+        with contextlib.suppress(OSError):
+            self._folder.mkdir(parents=True, exist_ok=True)
 
     def logger(self, name: str) -> logging.Logger:
         """The logger of this name."""
@@ -109,6 +117,14 @@ launch_config = LaunchConfig()
 def get_logger(name: str | None = None) -> logging.Logger:
     """Return the logger of this name, whose lines look like `[INFO] [name]: text`."""
     return launch_config.logger(name or "launch")
+
+
+def warn_once(context: Any, text: str) -> None:
+    """Log a warning, unless this launch has logged it already."""
+    said = context.global_values.setdefault(_SAID, set())
+    if text not in said:
+        said.add(text)
+        get_logger("launch").warning(text)
 
 
 def is_coloured(stream: TextIO) -> bool:

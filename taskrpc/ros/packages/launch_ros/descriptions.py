@@ -6,6 +6,8 @@ from typing import Any
 
 from launch.substitution import perform
 
+from taskrpc.ros.module_names import add_module_names
+
 from .parameter_descriptions import Parameter, ParameterFile, ParameterValue
 
 
@@ -23,3 +25,5 @@ class ComposableNode:
 
 
 __all__ = ["ComposableNode", "Parameter", "ParameterFile", "ParameterValue"]
+
+add_module_names(__name__)

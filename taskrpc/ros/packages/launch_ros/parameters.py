@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import yaml
+from launch.logging import warn_once
 from launch.substitution import perform
 
 from .parameter_descriptions import Parameter, ParameterFile, temporary_file, value_of
@@ -62,6 +63,9 @@ def parameter_arguments(context: Any, node: str, parameters: Iterable[Any]) -> l
             path = each.evaluate(context)
         else:
             path = Path(os.path.expanduser(perform(context, each)))
+            if not path.is_file():  # the node starts, as in ROS
+                warn_once(context, f"Parameter file path is not a file: {path}")
+                continue
         found += ["--params-file", str(path)]
     return found
 

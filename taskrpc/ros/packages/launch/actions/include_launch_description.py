@@ -14,7 +14,7 @@ from ..launch_description import LaunchDescription
 from ..launch_description_entity import LaunchDescriptionEntity
 from ..launch_description_source import LaunchDescriptionSource
 from ..launch_description_sources import AnyLaunchDescriptionSource
-from ..logging import get_logger
+from ..logging import warn_once
 from ..substitution import perform, perform_substitutions
 from .arguments import SetLaunchConfiguration
 from .control import OpaqueFunction
@@ -70,9 +70,10 @@ class IncludeLaunchDescription(Action):
         """Load the launch file; returns what to execute, between new and old local values."""
         path = perform_substitutions(context, self._source.location_substitutions)
         if package := missing_package(path):
-            get_logger("launch").warning(
+            warn_once(
+                context,
                 f"the launch file {os.path.basename(path)} of the package '{package}' is left out:"
-                " taskrpc does not have this package"
+                " taskrpc does not have this package",
             )
             return None
         description = self._source.get_launch_description(context)

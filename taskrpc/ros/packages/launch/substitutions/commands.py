@@ -22,6 +22,9 @@ from ..substitution import (
 )
 from .texts import describe_all
 
+_FROM_PIP = {"xacro": "; install it: pip install xacro"}
+"""The next step for commands of ROS that Python's package index has."""
+
 
 class PythonExpression(Substitution):
     """The value of a Python expression, as a text.
@@ -99,7 +102,8 @@ class Command(Substitution):
             )
         except (OSError, IndexError):
             name = words[0] if words else line
-            raise SubstitutionFailure(f"file not found: [Errno 2] '{name}'") from None
+            step = _FROM_PIP.get(name, "")
+            raise SubstitutionFailure(f"file not found: [Errno 2] '{name}'{step}") from None
         if done.returncode != 0:
             problem = f"executed command failed. Command: {line}"
             if done.stderr:
@@ -137,7 +141,8 @@ class FindExecutable(Substitution):
         name = perform_substitutions(context, self._name)
         found = shutil.which(name, path=context.environment.get("PATH"))
         if found is None:
-            raise SubstitutionFailure(f"executable '{name}' not found on the PATH")
+            step = _FROM_PIP.get(name, "")
+            raise SubstitutionFailure(f"executable '{name}' not found on the PATH{step}")
         return found
 
 

@@ -8,6 +8,7 @@ import socket
 from typing import Any
 
 from ..launch_context import LaunchContext
+from ..logging import launch_config
 from ..some_substitutions_type import SomeSubstitutionsType
 from ..substitution import (
     Substitution,
@@ -124,6 +125,18 @@ class ThisLaunchFileDir(Substitution):
     def perform(self, context: LaunchContext) -> str:
         """Return the folder; raises SubstitutionFailure outside a launch file."""
         return _place(context, "current_launch_file_directory", "ThisLaunchFileDir")
+
+
+class LaunchLogDir(Substitution):
+    """The folder of this launch's log files."""
+
+    def describe(self) -> str:
+        """Describe the substitution."""
+        return "LaunchLogDir()"
+
+    def perform(self, context: LaunchContext) -> str:
+        """Return the folder."""
+        return launch_config.log_dir
 
 
 def _place(context: LaunchContext, name: str, substitution: str) -> str:

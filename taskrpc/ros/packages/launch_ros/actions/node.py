@@ -8,7 +8,7 @@ from typing import Any
 
 from launch.actions.execute_local import PreparedCommand, texts_of
 from launch.actions.execute_process import ExecuteProcess
-from launch.logging import get_logger
+from launch.logging import warn_once
 from launch.substitution import normalize_to_list_of_substitutions, perform
 from rclpy.exceptions import InvalidNamespaceException, InvalidNodeNameException
 from rclpy.validate_namespace import validate_namespace
@@ -17,6 +17,7 @@ from rclpy.validate_node_name import validate_node_name
 from taskrpc.ros import hook
 from taskrpc.ros.executables import NotHere, run_arguments
 
+from ..parameter_descriptions import Parameter, ParameterFile
 from ..parameters import (
     NAMESPACE,
     global_arguments,
@@ -25,8 +26,9 @@ from ..parameters import (
     remap_arguments,
 )
 
+__all__ = ["Node", "Parameter", "ParameterFile"]  # programs import all three from here
+
 _UNNAMED = "<node_name_unspecified>"
-_SAID = "programs that are not here"
 
 
 class Node(ExecuteProcess):
@@ -119,7 +121,7 @@ class Node(ExecuteProcess):
             try:
                 run = run_arguments(package, executable, hook.starts())
             except NotHere as reason:
-                _say_once(context, f"{reason}, so it is not started; the other programs start")
+                warn_once(context, f"{reason}, so it is not started; the other programs start")
                 return None
             words = [sys.executable, "-m", "taskrpc", "run", *run]
             shown = ["taskrpc", "run", *run]
@@ -163,10 +165,3 @@ class Node(ExecuteProcess):
             problem = " ".join(str(error).split())
             raise RuntimeError(f"Node(executable={self._executable}): {problem}") from None
         return name, namespace
-
-
-def _say_once(context: Any, text: str) -> None:
-    said = context.global_values.setdefault(_SAID, set())
-    if text not in said:
-        said.add(text)
-        get_logger("launch").warning(text)

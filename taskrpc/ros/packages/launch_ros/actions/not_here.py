@@ -42,10 +42,11 @@ class ComposableNodeContainer(Action):
         namespace: Any = "",
         composable_node_descriptions: Iterable[Any] | None = None,
         condition: Any = None,
+        node_name: Any = "",
         **_: Any,
     ) -> None:
         super().__init__(condition=condition)
-        self._name = name
+        self._name = name or node_name or ""
         self._components = list(composable_node_descriptions or ())
 
     def execute(self, context: Any) -> list[Any] | None:

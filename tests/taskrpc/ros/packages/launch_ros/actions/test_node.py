@@ -117,3 +117,48 @@ async def test_node_of_the_workspace_starts_with_its_parameters(launch, ros, pla
     )
     _, lines = await play(node, v="2.5")
     assert "[show-1] /here/shown 2.5" in lines, lines
+
+
+async def test_missing_parameter_file_is_named_and_the_node_starts(launch, ros, tmp_path, capsys):
+    node = ros.Node(package="demo_nodes_py", executable="talker", parameters=["nope.yaml"])
+    prepared = node.prepare_command(launch.LaunchContext())
+    assert prepared.shown == ["taskrpc", "run", "demo_nodes_py", "talker"]
+    said = "[WARNING] [launch]: Parameter file path is not a file: nope.yaml\n"
+    assert capsys.readouterr().out == said
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "from launch.condition import Condition",
+        "from launch.events.process.process_exited import ProcessExited",
+        "from launch.some_actions_type import SomeActionsType",
+        "from launch.some_entities_type import SomeEntitiesType",
+        "from launch.substitutions import LaunchLogDir",
+        "from launch_ros.actions.node import Node, ParameterFile",
+        "from launch_ros.descriptions.composable_node import ComposableNode",
+        "from launch_ros.parameters_type import SomeParameters",
+        "from launch_ros.remap_rule_type import SomeRemapRules",
+    ],
+)
+def test_names_of_ros_modules_are_importable(ros, line):
+    exec(line, {})
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "talker_listener.launch.py",
+        "talker_listener_launch.py",
+        "talker_listener_launch.xml",
+        "talker_listener_launch.yaml",
+    ],
+)
+async def test_launch_files_of_demo_nodes_cpp_start_two_nodes(launch, ros, play, name, monkeypatch):
+    started = []
+    monkeypatch.setattr(ros.Node, "prepare_command", lambda node, _: started.append(node))
+    share = importlib.import_module("launch_ros.substitutions").FindPackageShare("demo_nodes_cpp")
+    path = launch.substitutions.PathJoinSubstitution([share, "launch", "topics", name])
+    assert await play(launch.actions.IncludeLaunchDescription(path)) == (0, [])
+    names = [each.node_executable[0].text for each in started]
+    assert names == ["talker", "listener"]
