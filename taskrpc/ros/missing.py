@@ -54,13 +54,7 @@ _PYTHON = {
 """Python packages of ROS 2, each with the advice for its users."""
 
 _REPOSITORIES = {
-    "audio_common_msgs": "https://github.com/ros-drivers/audio_common",
-    "hri_msgs": "https://github.com/ros4hri/hri_msgs",
-    "irobot_create_msgs": "https://github.com/iRobotEducation/irobot_create_msgs",
-    "mavros_msgs": "https://github.com/mavlink/mavros",
-    "px4_msgs": "https://github.com/PX4/px4_msgs",
     "rmf_fleet_msgs": "https://github.com/open-rmf/rmf_internal_msgs",
-    "slam_toolbox": "https://github.com/SteveMacenski/slam_toolbox",
     "velodyne_msgs": "https://github.com/ros-drivers/velodyne",
 }
 """Packages of definitions that programs import, each with the repository that has it."""

@@ -42,8 +42,8 @@ def hooked(tmp_path, monkeypatch):
         ("rosbag2_py", "`taskrpc bag` "),
         ("graph_msgs.msg", "put its folder (with graph_msgs/srv, graph_msgs/msg) beside"),
         (
-            "px4_msgs.msg",
-            "in the src folder of your workspace, run git clone https://github.com/PX4/px4_msgs",
+            "velodyne_msgs.msg",
+            "in the src folder of your workspace, run git clone https://github.com/ros-drivers/velodyne",
         ),
         ("grocery_interfaces", "or name the folder above it in TASKRPC_INTERFACE_PATH"),
         ("exampel_interfaces", "did you mean example_interfaces?"),
