@@ -20,12 +20,9 @@ from tests import properties
 from tests.faults.harness import HAPPENED
 from tests.postgres import own_cluster, pgbouncer, postgres_url, shared_cluster  # noqa: F401 - fixtures
 
-LEFT_OUT = ("browser", "faults", "interop", "postgres", "types")
-"""Marks, and the folders of their tests, that the plain run leaves out."""
-PLAIN_RUN = " and ".join(f"not {mark}" for mark in LEFT_OUT)
-"""What pyproject.toml leaves out of the plain run."""
-WHOLE_RUNS = (PLAIN_RUN, "faults", "hypothesis", "faults or hypothesis")
-"""What `-m` picks in the runs that use all cores."""
+WHOLE_RUNS = ("faults", "hypothesis", "faults or hypothesis or corpus")
+"""What `-m` picks in the runs that use all cores, beside the plain run."""
+TESTS = Path(__file__).parent
 settings.load_profile(properties.ALL)
 
 MOST_PROCESSES = 4
@@ -33,6 +30,12 @@ MOST_PROCESSES = 4
 
 Because they wait, there is one process more than the machine has cores.
 """
+
+
+def is_plain(config):
+    """Whether `-m` picks what pyproject.toml picks."""
+    usual = config.getini("addopts")
+    return config.option.markexpr == usual[usual.index("-m") + 1]
 
 
 def pytest_addoption(parser):
@@ -53,8 +56,8 @@ def pytest_cmdline_main(config):
     option = config.option
     picked = option.keyword or option.usepdb or option.trace or option.capture == "no"
     whole = config.args_source is config.ArgsSource.TESTPATHS and not option.soak
-    whole &= option.markexpr in WHOLE_RUNS
-    option.few_examples = whole and not picked and option.markexpr == PLAIN_RUN
+    whole &= is_plain(config) or option.markexpr in WHOLE_RUNS
+    option.few_examples = whole and not picked and is_plain(config)
     if whole and not picked and getattr(option, "numprocesses", 0) is None and not option.tx:
         option.numprocesses = min((os.cpu_count() or 1) + 1, MOST_PROCESSES)
         option.dist = "worksteal"
@@ -63,10 +66,13 @@ def pytest_cmdline_main(config):
 def pytest_ignore_collect(collection_path, config):
     """What the plain run leaves out need not be read either, in each of its processes.
 
-    What needs an extra of its own is read only if `-m` names it.
+    What needs an extra of its own is read only if `-m` names it. Each mark of such tests has a
+    folder of its name in `tests`.
     """
+    if collection_path.parent != TESTS:
+        return None
     name, marks = collection_path.name, config.option.markexpr
-    left_out = marks == PLAIN_RUN and name in LEFT_OUT
+    left_out = is_plain(config) and f"not {name}" in marks.split(" and ")
     left_out |= name in ("browser", "interop") and name not in marks
     return True if left_out else None
 
