@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import settings
 
 FEW = 30
-"""Most examples of a test in the quick suite. `pytest -m "faults or hypothesis"` tries them all."""
+"""Most examples of a test in the quick suite. `pytest -m hypothesis` tries them all."""
 
 ALL, QUICK = "taskrpc", "taskrpc-quick"
 """Hypothesis's profiles."""

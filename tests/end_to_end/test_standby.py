@@ -52,7 +52,7 @@ def listed(capsys):
     return json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.parametrize("name", ["SIGTERM", "SIGKILL"])
+@pytest.mark.parametrize("name", ["SIGTERM", pytest.param("SIGKILL", marks=pytest.mark.faults)])
 def test_standby_continues_the_tasks_at_the_same_addresses(start, capsys, name):
     number = signal.Signals[name]
     places = ("--listen", free_place(), "--web", free_place())
@@ -79,6 +79,7 @@ def test_standby_without_another_server_starts_at_once(start):
     assert "standing by" not in only.text
 
 
+@pytest.mark.faults
 def test_standby_can_be_stopped_without_effect_on_the_server(start, capsys):
     first = start()
     second = start("--standby", says=STANDS_BY)
@@ -90,6 +91,7 @@ def test_standby_can_be_stopped_without_effect_on_the_server(start, capsys):
     assert first.end()[0] == 0
 
 
+@pytest.mark.faults
 def test_one_of_two_standbys_takes_over_and_the_other_waits(start):
     first = start()
     others = [start("--standby", says=STANDS_BY) for _ in range(2)]

@@ -98,6 +98,7 @@ def plain(value: Any) -> Any:
     return {name: plain(item) for name, item in value.items()}
 
 
+@pytest.mark.corpus
 @pytest.mark.parametrize(("oracle", "least"), [("cdr", 855), ("cdr_wstring_derived", 18)])
 def test_bytes_are_those_of_the_oracle_and_are_read_back(oracle, least):
     checked = 0

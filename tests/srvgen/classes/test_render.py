@@ -145,6 +145,7 @@ def _plain(value: Any) -> Any:
     return value.tolist() if hasattr(value, "tolist") else value
 
 
+@pytest.mark.corpus
 @pytest.mark.skipif(not ORACLE.is_file(), reason="the corpus is not beside the checkout")
 def test_classes_are_those_of_rosidl():
     """Compares names, types, constants, defaults and the repr of every class."""

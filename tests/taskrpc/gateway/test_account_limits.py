@@ -30,6 +30,7 @@ def test_calls_without_a_response_are_limited():
     assert limits.begin("eva", 0.0) == 0.0
 
 
+@pytest.mark.faults
 def test_idle_accounts_are_forgotten_and_busy_ones_are_not():
     limits = AccountLimits(rate=1, in_flight=1)
     limits.begin("busy", 0.0)

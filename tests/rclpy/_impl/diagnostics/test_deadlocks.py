@@ -60,6 +60,7 @@ executor.shutdown()
     assert "(service /b) of /b -> /a -> Asks.ask() (service /a) of /a -> /b -> Asks.ask()" in line
 
 
+@pytest.mark.faults
 def test_like_ros_a_call_in_a_callback_hangs(ros, monkeypatch):
     monkeypatch.setenv("TASKRPC_LIKE_ROS", "1")
     program = ros(HEAD + RELAY.format(wait=CALL, group=OWN) + "ask('twice'); print('over')")
@@ -75,6 +76,7 @@ def test_a_call_in_a_callback_of_a_pool_with_groups_of_their_own_is_fine(run):
     assert (code, out.endswith("sum=6)\n"), told(err)) == (0, True, [])
 
 
+@pytest.mark.faults
 def test_a_wait_for_a_coroutine_that_awaits_something_else_is_no_deadlock(run):
     source = """
 def slept(seconds):

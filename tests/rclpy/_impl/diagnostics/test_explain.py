@@ -112,7 +112,14 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+QUICK = ("a forgotten return", "two servers of one name", "a number too large")
+"""Cases of the quick suite; the others wait for seconds."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.faults) for name in CASES],
+)
 def test_silent_mistakes_are_explained_and_happen_with_like_ros(ros, monkeypatch, name):
     """Both programs wait most of the time, so they run side by side, in two domains."""
     source, line, kind, like = CASES[name]
@@ -174,6 +181,7 @@ except ExternalShutdownException:
     assert run(HEAD + source) == (0, "over\n", "")
 
 
+@pytest.mark.faults
 def test_a_dead_server_is_reported_and_with_like_ros_its_call_never_ends(ros, run, monkeypatch):
     server = HEAD + (
         "import os\nnode.create_service(AddTwoInts, 'add', lambda *_: os._exit(3))\n"
@@ -189,6 +197,7 @@ def test_a_dead_server_is_reported_and_with_like_ros_its_call_never_ends(ros, ru
         assert (out, len(told(err))) == (done, lines)
 
 
+@pytest.mark.faults
 def test_a_name_that_another_program_offers_is_refused_and_like_ros_offered_twice(
     ros, run, monkeypatch
 ):
@@ -203,6 +212,7 @@ def test_a_name_that_another_program_offers_is_refused_and_like_ros_offered_twic
         first.kill()
 
 
+@pytest.mark.faults
 def test_like_ros_two_programs_that_offer_one_name_both_run_each_request(ros, run, monkeypatch):
     monkeypatch.setenv("TASKRPC_LIKE_ROS", "1")
     offer = "node.create_service(AddTwoInts, 'add', lambda *both: print('runs') or add(*both))\n"

@@ -10,6 +10,7 @@ from tests.rclpy.programs.running import INTERRUPTED
 pytestmark = pytest.mark.real_time
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize("wait", ["time.sleep(0.1)", "rclpy.spin_once(node, timeout_sec=0.1)"])
 def test_a_callback_that_polls_a_future_it_blocks_is_reported(run, wait):
     source = f"""
@@ -29,6 +30,7 @@ rclpy.spin(node)
     assert [asks in line for line in told(err)].count(True) == 1
 
 
+@pytest.mark.faults
 def test_a_program_that_spins_rarely_is_not_reported(run):
     source = """
 dog._LATE = dog._STUCK = 60  # a busy machine may sleep much longer
@@ -53,6 +55,7 @@ print(Node("m").create_client(AddTwoInts, "add").call(REQUEST).sum)
     assert ["no other thread spins /m" in line for line in told(err)] == [True]
 
 
+@pytest.mark.faults
 def test_a_callback_that_removed_its_node_from_a_pool_is_reported(run):
     source = """
 other = Node("other")
@@ -102,6 +105,7 @@ def test_a_program_that_ctrl_c_ended_before_it_could_spin_is_not_blamed(ros):
     assert (program.interrupt(), program.err) == (INTERRUPTED, "KeyboardInterrupt\n")
 
 
+@pytest.mark.faults
 def test_a_response_that_a_waiting_coroutine_blocks_is_reported(run):
     source = RELAY.format(wait="answer = await inner.call_async(request)", group="")
     source = SOONER + source.replace("def twice", "async def twice")
@@ -109,6 +113,7 @@ def test_a_response_that_a_waiting_coroutine_blocks_is_reported(run):
     assert ["twice() holds while it awaits" in line for line in told(err)] == [True]
 
 
+@pytest.mark.faults
 def test_a_callback_that_does_not_return_is_reported_with_its_line(run):
     source = """
 def slow():
@@ -151,6 +156,7 @@ except ExternalShutdownException:
 """
 
 
+@pytest.mark.faults
 def test_a_pool_whose_threads_all_wait_for_responses_is_reported(run):
     soon = SOONER + "from rclpy import client as module\nmodule._LONG_GRACE = 0.5\n"
     status, out, err = run(HEAD + soon + ALL_WAIT.format(threads=2))
@@ -179,6 +185,7 @@ executor.spin()
 """
 
 
+@pytest.mark.faults
 def test_a_long_callback_that_blocks_no_other_is_not_reported(run):
     assert run(HEAD + SOONER + LONG) == (0, "done\n", "")
 
@@ -195,6 +202,7 @@ for _ in range(2):
 """
 
 
+@pytest.mark.faults
 def test_a_node_that_is_spun_rarely_is_not_reported(run):
     patient = SOONER + "dog._STUCK = 60\n"  # a busy machine may sleep much longer
     assert run(HEAD + patient + NOW_AND_THEN) == (0, "3\n3\n", "")

@@ -133,6 +133,7 @@ async def test_garbage_disturbs_no_connection(programs):
     assert len(server._transport._served) == 1
 
 
+@pytest.mark.faults
 async def test_a_flood_of_requests_for_connections_takes_bounded_memory(programs):
     server, _, client = await served(programs)
     network = server._transport.network
