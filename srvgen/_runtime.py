@@ -391,6 +391,10 @@ def require_class(value: object, expected: type[Any], path: str) -> None:
     if isinstance(value, expected):
         return
     if getattr(value, "_TYPE", None) == expected._TYPE:
+        if isinstance(value, type):
+            name = value.__name__
+            problem = f"expected {expected._TYPE}, got the class {name} itself; write {name}()"
+            raise FieldError(path, problem)
         raise FieldError(
             path, f"expected {expected._TYPE}, got a message of another class with that name"
         )

@@ -323,6 +323,11 @@ def test_class_of_another_package_with_the_same_name_is_refused():
     assert problem_of(inner=other).endswith("got a message of another class with that name")
 
 
+def test_class_in_place_of_a_nested_message_is_refused_with_advice():
+    kind = type("Inner", (), {"_TYPE": "demo_interfaces/msg/Inner"})
+    assert problem_of(inner=kind).endswith("got the class Inner itself; write Inner()")
+
+
 # --- the wire -------------------------------------------------------------------------------------
 
 
