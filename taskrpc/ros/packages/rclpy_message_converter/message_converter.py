@@ -8,6 +8,8 @@ from typing import Any
 
 from rosidl_runtime_py.utilities import get_message, get_service
 
+import srvgen
+
 _FIELDS = "get_fields_and_field_types"
 _IN_SERVICES = {"request": "Request", "response": "Response"}
 
@@ -28,12 +30,28 @@ def convert_dictionary_to_ros_message(
         kind: `message`, or with the name of a service `request` or `response`.
         strict_mode: whether an unknown field is an error; otherwise it is ignored.
         check_missing_fields: whether a field without a value is an error.
-        check_types: as in the original; the message checks the types in any case.
+        check_types: whether a value of another type than its field's is an error.
 
     Raises:
-        ValueError: a field is unknown or missing.
+        ValueError: a field is unknown or missing, or a value is not of its field's type.
     """
+    message = _filled(message_type, dictionary, kind, strict_mode, check_missing_fields)
+    if check_types:
+        srvgen.to_cdr(message)  # it checks all fields
+    return message
+
+
+def _filled(
+    message_type: Any,
+    dictionary: Any,
+    kind: str,
+    strict_mode: bool,
+    check_missing_fields: bool,
+) -> Any:
     message = _class(message_type, kind)()
+    if not isinstance(dictionary, Mapping):
+        given = type(dictionary).__name__
+        raise TypeError(f"expected a dict with the fields of {message._TYPE}, got {given}")
     types = message.get_fields_and_field_types()
     if unknown := [name for name in dictionary if name not in types]:
         if strict_mode:
@@ -48,9 +66,7 @@ def convert_dictionary_to_ros_message(
             return type(default)(sec=seconds, nanosec=nanoseconds)
         if isinstance(value, Mapping):
             cls = type(default) if hasattr(default, _FIELDS) else _named(item_type)
-            return convert_dictionary_to_ros_message(
-                cls, value, "message", strict_mode, check_missing_fields, check_types
-            )
+            return _filled(cls, value, "message", strict_mode, check_missing_fields)
         return value
 
     for name, value in dictionary.items():

@@ -50,6 +50,25 @@ def test_request_and_response_of_a_service(converter):
         convert("std_srvs/srv/SetBool", {}, "feedback")
 
 
+@pytest.mark.parametrize(
+    ("kind", "values", "problem"),
+    [
+        ("std_msgs/msg/String", {"data": 5}, r"data: expected string, got 5 \(int\)"),
+        ("geometry_msgs/msg/Twist", {"linear": {"x": "1"}}, "linear.x: expected float64, got '1'"),
+        ("geometry_msgs/msg/Twist", {"linear": 1}, "linear: expected geometry_msgs/msg/Vector3"),
+        ("geometry_msgs/msg/Twist", None, "expected a dict .* got NoneType"),
+    ],
+)
+def test_value_of_another_type_is_an_error(converter, kind, values, problem):
+    with pytest.raises((TypeError, ValueError), match=problem):
+        converter.convert_dictionary_to_ros_message(kind, values)
+
+
+def test_types_are_not_checked_on_request(converter):
+    convert = converter.convert_dictionary_to_ros_message
+    assert convert("std_msgs/msg/String", {"data": 5}, check_types=False).data == 5
+
+
 def test_unknown_and_missing_fields_are_errors_or_ignored(converter):
     convert = converter.convert_dictionary_to_ros_message
     said = 'ROS message type "std_msgs/msg/String" has no field named "dada"'
