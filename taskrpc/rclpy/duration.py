@@ -16,6 +16,10 @@ class Duration:
     """A span of time, which may be negative. Raises OverflowError beyond 63 bits of nanoseconds."""
 
     def __init__(self, *, seconds: float = 0, nanoseconds: float = 0) -> None:
+        given: object = seconds
+        if isinstance(given, str | list | tuple):  # the product would fill the memory
+            kind = type(given).__name__
+            raise TypeError(f"expected seconds as a number, got {kind} {given!r}")
         total = int(seconds * S_TO_NS) + int(nanoseconds)
         if not -(2**63) <= total < 2**63:
             raise OverflowError("Total nanoseconds value is too large to store in C duration.")

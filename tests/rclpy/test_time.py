@@ -50,6 +50,12 @@ def test_a_duration_may_be_negative_and_has_63_bits():
             Duration(nanoseconds=beyond)
 
 
+@pytest.mark.parametrize("seconds", ["1", [1]])
+def test_seconds_of_a_duration_must_be_a_number(seconds):
+    with pytest.raises(TypeError, match="expected seconds as a number, got "):
+        Duration(seconds=seconds)
+
+
 def test_duration_has_a_readable_text():
     assert repr(Duration(nanoseconds=3)) == "Duration(nanoseconds=3)"
     assert (str(Duration(nanoseconds=3)), str(Infinite)) == ("3 nanoseconds", "Infinite")
