@@ -19,6 +19,8 @@ def nanoseconds_of(time: Any, kind: str = "time") -> int:
     Raises:
         TypeError: it is neither.
     """
+    if isinstance(time, type):
+        raise TypeError(f"{kind} is the class {time.__name__} itself; write {time.__name__}()")
     if hasattr(time, "sec") and hasattr(time, "nanosec"):
         return int(time.sec) * _SECOND + int(time.nanosec)
     if hasattr(time, "nanoseconds"):

@@ -273,6 +273,7 @@ class FrameTree:
     # Errors
 
     def _validate(self, where: str, name: str) -> None:
+        _check_name(name)
         if not name or name.startswith("/"):
             why = "cannot start with a '/'" if name else "cannot be empty"
             raise InvalidArgumentException(
@@ -283,6 +284,7 @@ class FrameTree:
 
     def _unknown(self, kind: str, name: str) -> str:
         """As `_validate`, in the words that tf2 uses for canTransform."""
+        _check_name(name)
         if not name:
             why = "in tf2 frame_ids cannot be empty"
         elif name.startswith("/"):
@@ -311,6 +313,11 @@ class FrameTree:
         return LookupException(
             f"The tf tree is invalid because it contains a loop.\n{self.as_string()}\n"
         )
+
+
+def _check_name(name: object) -> None:
+    if not isinstance(name, str):
+        raise TypeError(f"expected the name of a frame (str), got {type(name).__name__} {name!r}")
 
 
 def _refusals(parent: str, child: str, transform: Transform, authority: str) -> Iterator[str]:

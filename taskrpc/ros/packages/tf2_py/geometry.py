@@ -51,11 +51,11 @@ def normalized(q: Quaternion) -> Quaternion:
 
     tf2 keeps rotations as matrices. So the sign of a quaternion that it returns does not depend
     on the sign that it got: `w` is positive, or for rotations by more than 120 degrees the largest
-    of x, y and z. A quaternion of length 0 gives NaNs.
+    of x, y and z. A quaternion of length 0 or infinity gives NaNs.
     """
     x, y, z, w = q
-    length = math.sqrt(x * x + y * y + z * z + w * w)
-    if length == 0 or math.isnan(length):
+    length = math.hypot(x, y, z, w)
+    if length == 0 or not math.isfinite(length):
         return (math.nan, math.nan, math.nan, math.nan)
     if abs(length - 1) < 1e-15:
         length = 1.0  # a unit quaternion stays as it is, to the last bit

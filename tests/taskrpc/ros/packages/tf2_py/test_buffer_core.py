@@ -39,6 +39,16 @@ def test_transform_is_given_back_at_times_of_both_kinds(tf2):
     assert buffer.get_latest_common_time("foo", "bar") == tf2.Time(seconds=2)
     with pytest.raises(TypeError, match="time must have sec and nanosec, or nanoseconds; got int"):
         buffer.lookup_transform_core("foo", "bar", 2)
+    with pytest.raises(TypeError, match=r"time is the class Time itself; write Time\(\)"):
+        buffer.lookup_transform_core("foo", "bar", tf2.Time)
+
+
+@pytest.mark.parametrize("name", [None, 5])
+def test_name_of_a_frame_must_be_text(tf2, name):
+    buffer = tf2.module.BufferCore()
+    for look in (buffer.lookup_transform_core, buffer.can_transform_core):
+        with pytest.raises(TypeError, match=r"expected the name of a frame \(str\), got"):
+            look(name, "bar", tf2.Time())
 
 
 def test_parts_of_a_second_are_exact(tf2):

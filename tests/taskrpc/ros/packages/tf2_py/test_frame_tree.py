@@ -234,6 +234,14 @@ NAN = math.nan
             ' "me" because of an invalid quaternion in the transform (0.000000 0.000000 0.000000'
             " 0.000000)",
         ),
+        (
+            "a",
+            "b",
+            at(rotation=(0.0, 0.0, 0.0, math.inf)),
+            'TF_DENORMALIZED_QUATERNION: Ignoring transform for child_frame_id "b" from authority'
+            ' "me" because of an invalid quaternion in the transform (0.000000 0.000000 0.000000'
+            " inf)",
+        ),
     ],
 )
 def test_unusable_transforms_are_refused_in_tf2s_words(parent, child, transform, text):

@@ -95,6 +95,11 @@ def test_angles_of_known_rotations():
     assert str(geometry.angles_of_quaternion(NO_ROTATION)) == "(0.0, -0.0, 0.0)"  # as in tf2
 
 
+@pytest.mark.parametrize("length", [1e-200, 1e200])
+def test_quaternion_of_extreme_length_is_normalised(length):
+    assert geometry.normalized((0.0, 0.0, length, 0.0)) == (0.0, 0.0, 1.0, 0.0)
+
+
 @given(quaternions(), st.floats(0.1, 10))
 def test_normalized_quaternion_has_length_1_and_one_sign(q, length):
     longer = tuple(length * each for each in q)
