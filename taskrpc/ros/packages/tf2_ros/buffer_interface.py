@@ -127,10 +127,25 @@ class NotImplementedException(Exception):
         super().__init__(self.errstr)
 
 
-def _registered(functions: dict[Any, Callable[..., Any]], key: Hashable) -> Callable[..., Any]:
+def _registered(
+    functions: dict[Any, Callable[..., Any]], key: Hashable, advice: str = ""
+) -> Callable[..., Any]:
     if key not in functions:
-        raise TypeException(f"Type {key} is not loaded or supported")
+        raise TypeException(f"Type {key} is not loaded or supported{advice}")
     return functions[key]
+
+
+def _knows(functions: dict[Any, Callable[..., Any]], package: str) -> bool:
+    return any(getattr(key, "__module__", "").startswith(f"{package}.") for key in functions)
+
+
+def _missing_import(functions: dict[Any, Callable[..., Any]], key: type) -> str:
+    """Advice to import the package that registers the types of the same package as `key`."""
+    package = key.__module__.partition(".")[0]
+    module = {"geometry_msgs": "tf2_geometry_msgs", "sensor_msgs": "tf2_sensor_msgs"}.get(package)
+    if module is None or _knows(functions, package):
+        return ""
+    return f"; `import {module}` registers types of {package}"
 
 
 class TransformRegistration:
@@ -148,7 +163,7 @@ class TransformRegistration:
 
     def get(self, key: type) -> Callable[[Any, Any], Any]:
         """The function for a type. Raises TypeException."""
-        return _registered(self._transforms, key)
+        return _registered(self._transforms, key, _missing_import(self._transforms, key))
 
 
 class ConvertRegistration:

@@ -31,6 +31,13 @@ def test_unregistered_type_is_refused(ros, link, interface):
         interface.convert(1, str)
 
 
+def test_unregistered_message_type_names_the_package_to_import(ros, interface, monkeypatch):
+    monkeypatch.setattr(interface.TransformRegistration, "_transforms", {})
+    buffer = ros.tf2_ros.Buffer()
+    with pytest.raises(interface.TypeException, match="`import tf2_geometry_msgs` registers"):
+        buffer.transform(ros.geometry.PointStamped(), "map")
+
+
 def test_objects_are_converted_directly_or_through_messages(interface):
     registration = interface.ConvertRegistration()
     registration.add_convert((int, str), lambda value: f"direct {value}")
