@@ -88,7 +88,8 @@ def parse(words: list[str]) -> Arguments | None:
     values, unnamed = _divided(words)
     if unnamed:
         if len(unnamed) not in _OLD_STYLES:
-            raise ValueError("Extra unparsed arguments on command-line")
+            rest = " ".join(unnamed)
+            raise ValueError(f"Extra unparsed arguments on command-line: {rest}")
         if values:
             raise ValueError("Cannot specify both new-style (flags) and old-style (arguments)")
         values = dict(zip(_OLD_STYLES[len(unnamed)], unnamed, strict=True))

@@ -43,7 +43,7 @@ def test_old_style_has_yaw_before_roll_or_a_quaternion(parse):
         ("--x", "Not enough arguments for --x"),
         ("--x far --frame-id a --child-frame-id b", "Failed to parse --x argument as float"),
         ("1 2 z 0 0 0 a b", "Failed to parse z argument as float"),
-        ("1 2 3", "Extra unparsed arguments on command-line"),
+        ("1 2 3", "Extra unparsed arguments on command-line: 1 2 3"),
         ("--x 1 --child-frame-id b", "Frame id must not be empty"),
         ("--x 1 --frame-id a", "Child frame id must not be empty"),
         (
