@@ -37,3 +37,13 @@ def _summary(args: tuple[Any, ...]) -> tuple[bytes, str]:
         return args[0].level, args[0].message
     level, message = args
     return level if isinstance(level, bytes) else bytes([level]), message
+
+
+def checked_report(report: Any, task: str) -> Any:
+    """The status that a task returned; raises TypeError for another value."""
+    if not hasattr(report, "level"):
+        raise TypeError(
+            f"expected a DiagnosticStatusWrapper from the task {task!r}, got"
+            f" {type(report).__name__}; is `return stat` missing at its end?"
+        )
+    return report

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
-from .status import DiagnosticStatusWrapper
+from .status import DiagnosticStatusWrapper, checked_report
 
 _PERIOD = "diagnostic_updater.period"
 _USE_FQN = "diagnostic_updater.use_fqn"
@@ -32,7 +32,11 @@ class DiagnosticTaskVector:
 
     def add(self, *args: Any) -> None:
         """Add a task: `add(task)`, or `add(name, function)`."""
-        task = _NamedTask(args[0].getName(), args[0].run) if len(args) == 1 else _NamedTask(*args)
+        name, run = (args[0].getName(), args[0].run) if len(args) == 1 else args
+        if not callable(run):
+            kind = type(run).__name__
+            raise TypeError(f"expected a function as the task {name!r}, got {kind}")
+        task = _NamedTask(name, run)
         with self.lock:
             self.tasks.append(task)
             self.addedTaskCallback(task)
@@ -83,7 +87,7 @@ class Updater(DiagnosticTaskVector):
                     message="No message was set",
                     hardware_id=self.hwid,
                 )
-                reports.append(task.run(status))
+                reports.append(checked_report(task.run(status), task.name))
         problems = [one for one in reports if one.level != DiagnosticStatus.OK]
         if self.verbose:
             for one in problems:

@@ -48,6 +48,9 @@ class Subscriber(SimpleFilter):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__()
+        if len(args) < 3 or not hasattr(args[0], "create_subscription"):
+            given = ", ".join(type(each).__name__ for each in args)
+            raise TypeError(f"expected Subscriber(node, type, topic), got Subscriber({given})")
         self.node, _, self.topic = args[:3]
         kwargs.setdefault("qos_profile", 10)
         self.sub = self.node.create_subscription(*args[1:], self.callback, **kwargs)

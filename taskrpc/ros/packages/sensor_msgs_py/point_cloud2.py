@@ -116,6 +116,10 @@ def dtype_from_fields(fields: Iterable[PointField], point_step: int | None = Non
         name = field.name or f"{DUMMY_FIELD_PREFIX}_{number}"
         assert name not in names, "Duplicate field names are not allowed!"
         assert field.count > 0, "Can't process fields with count = 0."
+        assert field.datatype in _DATATYPES, (
+            f"Field {name!r} has the unknown datatype {field.datatype};"
+            " use a constant such as PointField.FLOAT32"
+        )
         datatype = _DATATYPES[field.datatype]
         names.append(name)
         formats.append(datatype if field.count == 1 else (datatype, (field.count,)))

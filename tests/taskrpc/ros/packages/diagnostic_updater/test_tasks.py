@@ -85,6 +85,15 @@ def test_missing_hardware_id_is_logged_once(diagnostics, node):
     assert "setHardwareID" in node.warnings[0]
 
 
+def test_task_must_be_a_function_that_returns_its_status(diagnostics, node):
+    updater = diagnostics.Updater(node)
+    with pytest.raises(TypeError, match="expected a function as the task 'motor', got NoneType"):
+        updater.add("motor", None)
+    updater.add("battery", lambda status: None)
+    with pytest.raises(TypeError, match="'battery', got NoneType; is `return stat` missing"):
+        updater.force_update()
+
+
 def test_removed_task_is_not_run(diagnostics, node):
     updater = diagnostics.Updater(node)
     updater.add(diagnostics.Heartbeat())

@@ -129,6 +129,11 @@ def test_chain_passes_messages_through_all_filters(filters, stamped):
         chain.connectInput(source)
 
 
+def test_subscriber_says_which_arguments_it_expects(filters):
+    with pytest.raises(TypeError, match=r"Subscriber\(node, type, topic\), got Subscriber\(str, "):
+        filters.Subscriber("image", int)
+
+
 def test_subscriber_passes_on_the_messages_of_its_topic(filters):
     asked = {}
 

@@ -82,6 +82,12 @@ def test_big_endian_points_and_padded_rows(clouds, msg):
     assert bytes(cloud.data) == rows
 
 
+def test_unknown_datatype_of_a_field_is_named(clouds, msg, header):
+    field = msg.PointField(name="x", datatype=99, count=1)
+    with pytest.raises(AssertionError, match="Field 'x' has the unknown datatype 99"):
+        clouds.create_cloud(header, [field], [])
+
+
 def test_a_field_may_have_several_values_and_no_name(clouds, msg):
     fields = [msg.PointField(name="", offset=4, datatype=msg.PointField.INT8, count=3)]
     dtype = clouds.dtype_from_fields(fields, point_step=8)
