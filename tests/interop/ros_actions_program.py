@@ -4,6 +4,7 @@ The argument is `single` or `multi`, the kind of executor.
 """
 
 import os
+import re
 import sys
 import time
 
@@ -21,11 +22,14 @@ from rclpy.action import (
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.qos import qos_profile_services_default
+from rclpy.service_introspection import ServiceIntrospectionState
 from test_msgs.action import Fibonacci
 from unique_identifier_msgs.msg import UUID
 
 PATIENCE = 20.0
 STATUS = "UNKNOWN ACCEPTED EXECUTING CANCELING SUCCEEDED CANCELED ABORTED".split()
+STAMPS = re.compile(r"sec=[1-9]\d*, nanosec=\d+")
 SUCCEED, ABORT, RAISE, UNDECIDED, WAIT, INVALID, OTHER = range(1, 8)
 
 
@@ -148,6 +152,64 @@ class World:
         say("cancel response", response.return_code, sorted(goals))
         self.node.destroy_client(client)
 
+    def introspect(self):
+        """Say which introspection events the services of the action publish."""
+        impl = Fibonacci.Impl
+        kinds = {
+            "send_goal": impl.SendGoalService,
+            "cancel_goal": impl.CancelGoalService,
+            "get_result": impl.GetResultService,
+        }
+        events = {name: [] for name in kinds}
+        for name, kind in kinds.items():
+            topic = f"/fibonacci/_action/{name}/_service_event"
+            take, group = events[name].append, self.client.callback_group
+            self.node.create_subscription(kind.Event, topic, take, 100, callback_group=group)
+        for state in ("CONTENTS", "METADATA", "OFF"):
+            say("-- introspection", state)
+            for side in (self.server, self.client):
+                side.configure_introspection(
+                    self.node.get_clock(),
+                    qos_profile_services_default,
+                    getattr(ServiceIntrospectionState, state),
+                )
+            self.spin_until(lambda s=state: s == "OFF" or self.are_subscribed(events))
+            handle, _ = self.send(WAIT)
+            ended = handle.get_result_async()
+            self.wait(handle.cancel_goal_async())
+            self.handles[-1].execute()
+            self.wait(ended)
+            wanted = 0 if state == "OFF" else 4
+            self.spin_until(lambda n=wanted: all(len(each) >= n for each in events.values()))
+            for name, found in events.items():
+                for event in sorted(found, key=lambda each: each.info.event_type):
+                    self.say_event(name, event)
+                gids = {bytes(event.info.client_gid) for event in found}
+                say(name, len(found), len(gids))
+                found.clear()
+
+    def are_subscribed(self, events):
+        topics = [f"/fibonacci/_action/{name}/_service_event" for name in events]
+        # The client publishes, and the server does.
+        return all(len(self.node.get_publishers_info_by_topic(topic)) == 2 for topic in topics)
+
+    def spin_until(self, condition):
+        """Spin until a condition holds, and half a second longer for what should not come."""
+        end = time.monotonic() + PATIENCE
+        while not condition() and time.monotonic() < end:
+            self.executor.spin_once(0.05)
+        end = time.monotonic() + 0.5
+        while time.monotonic() < end:
+            self.executor.spin_once(0.05)
+
+    def say_event(self, name, event):
+        info = event.info
+        # Not the numbers of the calls: a client and a server of taskrpc count them separately.
+        say(name, info.event_type, info.stamp.sec > 0, len(info.client_gid))
+        for message in (*event.request, *event.response):
+            values = [getattr(message, field) for field in message.get_fields_and_field_types()]
+            say(type(message).__name__, " ".join(STAMPS.sub("T", str(each)) for each in values))
+
     def run(self):
         node = self.node
         say(get_action_names_and_types(node))
@@ -186,6 +248,7 @@ class World:
             handle.execute()
         for handle in (first, second):
             self.finish(handle)
+        self.introspect()
         say("-- expired")
         end = time.monotonic() + 2
         while time.monotonic() < end:
