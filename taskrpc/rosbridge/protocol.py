@@ -129,9 +129,49 @@ class ServiceResponse(Operation, tag="service_response"):
 
 
 class SendActionGoal(Operation, tag="send_action_goal"):
-    """A goal for an action. The gateway refuses it: rosbridge clients cannot use actions."""
+    """A goal for an action; the end of the goal is `action_result` with the same id."""
 
     action: _Name
+    action_type: _Name
+    args: Any = None
+    feedback: bool | None = False
+    """Whether the client wants `action_feedback`."""
+    fragment_size: _Number = None
+
+
+class CancelActionGoal(Operation, tag="cancel_action_goal"):
+    """The client cancels the goal that it has sent with the same id."""
+
+    action: _Name
+
+
+class AdvertiseAction(Operation, tag="advertise_action"):
+    """The client offers an action; it gets `send_action_goal` for each goal."""
+
+    action: _Name
+    type: _Name
+
+
+class UnadvertiseAction(Operation, tag="unadvertise_action"):
+    """The client does not offer an action any more."""
+
+    action: _Name
+
+
+class ActionFeedback(Operation, tag="action_feedback"):
+    """Feedback of a goal that the client executes."""
+
+    action: _Name = ""
+    values: Any = None
+
+
+class ActionResult(Operation, tag="action_result"):
+    """The end of a goal that the client executes; the status is a final one of `GoalStatus`."""
+
+    action: _Name = ""
+    values: Any = None
+    status: int = 4
+    result: bool = True
 
 
 class SetLevel(Operation, tag="set_level"):
@@ -151,13 +191,7 @@ class Fragment(Operation, tag="fragment"):
 _OPERATIONS: dict[str, type[Operation]] = {
     str(cls.__struct_config__.tag): cls for cls in Operation.__subclasses__()
 }
-NO_ACTIONS = "actions are not supported over rosbridge"
 _UNSUPPORTED = {
-    "advertise_action": NO_ACTIONS,
-    "unadvertise_action": NO_ACTIONS,
-    "cancel_action_goal": NO_ACTIONS,
-    "action_feedback": NO_ACTIONS,
-    "action_result": NO_ACTIONS,
     "auth": "not supported; send the HTTP header Authorization with the request for the WebSocket",
     "png": "not supported; send the operation as JSON",
 }
@@ -173,6 +207,11 @@ _Any = (
     | UnadvertiseService
     | ServiceResponse
     | SendActionGoal
+    | CancelActionGoal
+    | AdvertiseAction
+    | UnadvertiseAction
+    | ActionFeedback
+    | ActionResult
     | SetLevel
     | Fragment
 )

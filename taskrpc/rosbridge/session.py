@@ -21,6 +21,7 @@ from taskrpc.errors import (
 )
 from taskrpc.node import Node
 from taskrpc.rosbridge import protocol
+from taskrpc.rosbridge.actions import ActionClients, ClientGoals, OfferedAction
 from taskrpc.rosbridge.graph import graph_of
 from taskrpc.rosbridge.protocol import BadOperation, Id, Level, Operation
 from taskrpc.rosbridge.rosapi import Rosapi
@@ -39,11 +40,11 @@ MAX_TOPICS = 256
 """Topics that one client may subscribe to, and topics that it may publish on."""
 MAX_SERVICES = 64
 """Services that one client may offer."""
+MAX_ACTIONS = 16
+"""Actions that one client may offer."""
 _MAX_TIMEOUT = 86_400.0
 """The longest deadline of a call, in seconds."""
 
-_ABORTED = 6
-"""The status of a failed goal in `action_msgs/msg/GoalStatus`."""
 _REMEMBERED = 10.0
 """Seconds for which the types of topics are remembered, as in rosbridge_suite."""
 
@@ -55,7 +56,7 @@ _Handler: TypeAlias = Callable[[Any], Coroutine[Any, Any, None]]
 
 
 class _Part(Protocol):
-    """A service, subscription or publisher of the client."""
+    """A service, action, subscription or publisher of the client."""
 
     def close(self) -> None: ...
 
@@ -66,6 +67,7 @@ class Bridge:
     def __init__(self, node: Node) -> None:
         self.node = node
         self.clients = ServiceClients(node)
+        self.actions = ActionClients(node)
         self.rosapi = Rosapi(node, self.clients)
         self._advertised: dict[str, tuple[str, float]] = {}
         """The types of topics that clients advertised until they left, and when they left."""
@@ -105,10 +107,12 @@ class Session:
         """The calls in flight, with what the client has sent."""
         self._is_ending = False
         self._rosapi_calls = asyncio.Semaphore(MAX_ROSAPI_CALLS)
+        self._goals = ClientGoals(bridge.actions, send, is_behind, partial(self._report, "warning"))
         # By absolute name:
         self._subscriptions: dict[str, ClientSubscription] = {}
         self._publishers: dict[str, ClientPublisher] = {}
         self._services: dict[str, OfferedService] = {}
+        self._actions: dict[str, OfferedAction] = {}
         self._handlers: dict[type[Operation], _Handler] = {
             protocol.Advertise: self._advertise,
             protocol.Unadvertise: self._unadvertise,
@@ -119,7 +123,12 @@ class Session:
             protocol.AdvertiseService: self._advertise_service,
             protocol.UnadvertiseService: self._unadvertise_service,
             protocol.ServiceResponse: self._service_response,
-            protocol.SendActionGoal: self._refuse_goal,
+            protocol.SendActionGoal: self._send_action_goal,
+            protocol.CancelActionGoal: self._cancel_action_goal,
+            protocol.AdvertiseAction: self._advertise_action,
+            protocol.UnadvertiseAction: self._unadvertise_action,
+            protocol.ActionFeedback: self._action_feedback,
+            protocol.ActionResult: self._action_result,
             protocol.SetLevel: self._set_level,
         }
 
@@ -159,6 +168,7 @@ class Session:
         """Continue with the topics, after the client has read what it had got."""
         for subscription in list(self._subscriptions.values()):
             subscription.drained()
+        self._goals.drained()
 
     def end(self) -> None:
         """Respond to the calls in flight, because the gateway ends; refuse later ones."""
@@ -167,17 +177,21 @@ class Session:
             operation = self._calls.pop(call)
             self._failed(operation, OutcomeUnknown(f"{_ENDS}; the call may have run"))
             call.cancel()
+        self._goals.end(_ENDS)
 
     def close(self) -> None:
         """End everything that the client has begun."""
         for call in list(self._calls):
             call.cancel()
-        parts: list[_Part] = [*self._services.values(), *self._subscriptions.values()]
+        self._goals.close()
+        parts: list[_Part] = [*self._services.values(), *self._actions.values()]
+        parts += self._subscriptions.values()
         for topic, publisher in self._publishers.items():
             self._bridge.remember_type(topic, publisher.type_name)
         for part in (*parts, *self._publishers.values()):
             part.close()
         self._services.clear()
+        self._actions.clear()
         self._subscriptions.clear()
         self._publishers.clear()
 
@@ -278,12 +292,6 @@ class Session:
         for part in protocol.split(text, size, f"response:{operation.id}"):
             self._send_text(part)
 
-    async def _refuse_goal(self, operation: protocol.SendActionGoal) -> None:
-        # Not a status: clients wait for the result.
-        result = {"status": _ABORTED, "values": protocol.NO_ACTIONS, "result": False}
-        known = {} if operation.id is None else {"id": operation.id}
-        self._send({"op": "action_result", "action": operation.action, **known, **result})
-
     # Services that the client offers
 
     async def _advertise_service(self, operation: protocol.AdvertiseService) -> None:
@@ -310,6 +318,53 @@ class Session:
         # Its caller may have cancelled the call, so this is no mistake of the client.
         text = f"service_response: no call {operation.id!r} waits for a response"
         self._report("info", text, operation.id)
+
+    # Actions
+
+    async def _send_action_goal(self, operation: protocol.SendActionGoal) -> None:
+        if self._is_ending:
+            error = ServiceUnavailable(f"{_ENDS}; the goal has not been sent")
+            self._goals.refuse(operation, error)
+        else:
+            self._goals.begin(operation)
+
+    async def _cancel_action_goal(self, operation: protocol.CancelActionGoal) -> None:
+        self._goals.cancel(operation)
+
+    async def _advertise_action(self, operation: protocol.AdvertiseAction) -> None:
+        node = self._bridge.node
+        name = node.resolve_service_name(operation.action)
+        known = self._actions.pop(name, None)
+        if known is not None:  # a client that reconnects or reloads offers it again
+            known.close()
+        _check_room(self._actions, MAX_ACTIONS, "actions")
+        self._actions[name] = OfferedAction(node, operation, self._send_text)
+
+    async def _unadvertise_action(self, operation: protocol.UnadvertiseAction) -> None:
+        name = self._bridge.node.resolve_service_name(operation.action)
+        action = self._actions.pop(name, None)
+        if action is None:
+            raise BadOperation(f"unadvertise_action: this client does not offer {name}")
+        action.close()
+
+    async def _action_feedback(self, operation: protocol.ActionFeedback) -> None:
+        for action in self._actions.values():
+            if action.waits_for(operation):
+                action.publish(operation)
+                return
+        self._no_goal(operation)
+
+    async def _action_result(self, operation: protocol.ActionResult) -> None:
+        for action in self._actions.values():
+            if action.waits_for(operation):
+                action.finish(operation)
+                return
+        self._no_goal(operation)
+
+    def _no_goal(self, operation: protocol.ActionFeedback | protocol.ActionResult) -> None:
+        # The goal may have ended just now, so this is no mistake of the client.
+        name = operation.__struct_config__.tag
+        self._report("info", f"{name}: no goal {operation.id!r} is executed", operation.id)
 
     # Topics
 

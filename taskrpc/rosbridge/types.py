@@ -6,8 +6,7 @@ from typing import Any
 
 import srvgen
 from taskrpc.errors import TaskRpcError
-from taskrpc.message_types import message_type, service_type
-from taskrpc.rosbridge.protocol import NO_ACTIONS
+from taskrpc.message_types import action_type, message_type, service_type
 
 
 def service_class(type_name: str) -> Any:
@@ -27,9 +26,20 @@ def message_class(type_name: str) -> Any:
     Raises DefinitionError; TaskRpcError for a type that is not a message.
     """
     if type_name.startswith("actionlib_msgs/"):  # ROSLIB.ActionClient
-        raise TaskRpcError(f"{type_name}: {NO_ACTIONS}")
+        raise TaskRpcError(f"{type_name}: it is of ROS 1; expected ROSLIB.Action, not ActionClient")
     try:
         return message_type(srvgen.load(message_type_name(type_name)))
+    except TypeError as error:
+        raise TaskRpcError(f"{type_name}: {error}") from None
+
+
+def action_class(type_name: str) -> Any:
+    """Return the class of an action type, also for `pkg/Name`.
+
+    Raises DefinitionError; TaskRpcError for a type that is not an action.
+    """
+    try:
+        return action_type(srvgen.load(_full_name(type_name, "action")))
     except TypeError as error:
         raise TaskRpcError(f"{type_name}: {error}") from None
 

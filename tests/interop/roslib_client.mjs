@@ -68,6 +68,39 @@ server.unadvertise();
 await wait(0.5);
 found.gone = await call(ros, add.name, add.serviceType, { a: 2, b: 3 }).catch(String);
 
+// Actions: the old version has those of ROS 1 only
+const goalOf = (action, goal, cancel = false) =>
+  new Promise((resolve) => {
+    const feedback = [];
+    const end = (name) => (value) => resolve([name, value, feedback.length]);
+    const id = action.sendGoal(goal, end("done"), (value) => feedback.push(value), end("failed"));
+    if (cancel) setTimeout(() => action.cancelGoal(id), 500);
+  });
+if (!isOld) {
+  const type = "my_robot_interfaces/action/ExecuteTask";
+  const execute = new ROSLIB.Action({ ros, name: "/robot_task/execute", actionType: type });
+  found.goal = await goalOf(execute, task);
+  found.badGoal = await goalOf(execute, { priority: "high" });
+  const fibonacci = { name: "/count_in_js", actionType: "example_interfaces/action/Fibonacci" };
+  const counting = new ROSLIB.Action({ ros: other, ...fibonacci });
+  counting.advertise(
+    (goal, id) => {
+      counting.sendFeedback(id, { sequence: [0, 1] });
+      if (goal.order === 1) counting.setFailed(id);
+      if (goal.order > 1 && goal.order < 9) counting.setSucceeded(id, { sequence: [0, 1, goal.order] });
+    },
+    (id) => counting.setCanceled(id, { sequence: [0] }),
+  );
+  await wait(0.5);
+  const counter = new ROSLIB.Action({ ros, ...fibonacci });
+  found.counted = await goalOf(counter, { order: 5 });
+  found.failedGoal = await goalOf(counter, { order: 1 });
+  found.cancelledGoal = await goalOf(counter, { order: 9 }, true);
+  counting.unadvertise();
+  await wait(0.5);
+  found.goneAction = await goalOf(counter, { order: 5 });
+}
+
 // Topics
 const chatter = { name: "/chatter", messageType: "std_msgs/String" };
 const got = [];

@@ -5,6 +5,7 @@ Arguments: the port of the gateway, the transport (twisted or asyncio).
 
 import json
 import sys
+import threading
 import time
 
 import roslibpy
@@ -66,6 +67,31 @@ found["failed"] = call(ros, "/add_in_python", ADD, a=2, b=-3)
 server.unadvertise()
 time.sleep(0.5)
 found["gone"] = call(ros, "/add_in_python", ADD, a=2, b=3)
+
+goal = roslibpy.Goal({"task_type": "move", "target": "warehouse", "priority": 9})
+execute = roslibpy.ActionClient(ros, "/robot_task/execute", "my_robot_interfaces/ExecuteTask")
+ends, reports, done = [], [], threading.Event()
+
+
+def send(target, goal):
+    """Send a goal; return its status, what came with it, and the number of feedback messages."""
+    done.clear()
+    ends.clear()
+    reports.clear()
+
+    def end(result):
+        ends.append(result)
+        done.set()
+
+    target.send_goal(goal, end, reports.append, end)
+    assert done.wait(30)
+    return [ends[0]["status"].name, ends[0]["values"], len(reports)]
+
+
+found["goal"] = send(execute, goal)
+found["badGoal"] = send(execute, roslibpy.Goal({"priority": "high"}))
+nothing = roslibpy.ActionClient(ros, "/nothing", "my_robot_interfaces/ExecuteTask")
+found["noAction"] = send(nothing, goal)
 
 got = []
 listener = roslibpy.Topic(ros, "/chatter", "std_msgs/String", queue_length=10)

@@ -145,6 +145,18 @@ def check_services(found):
     assert "ServiceUnavailable" in found["gone"]
 
 
+def check_actions(found):
+    """Check the goals that roslib has sent, and those of its own action."""
+    state, result, reports = found["goal"]
+    assert (state, result["state"]) == ("done", "SUCCEEDED")
+    assert reports > 0
+    assert found["badGoal"][1].endswith("FieldError: priority: expected int32, got 'high' (str)")
+    assert found["counted"] == ["done", {"sequence": [0, 1, 5]}, 1]
+    assert "Action was aborted: GoalAborted: the goal failed" in found["failedGoal"][1]
+    assert 'Action was canceled: {"sequence":[0]}' in found["cancelledGoal"][1]
+    assert "no server offers /count_in_js" in found["goneAction"][1]
+
+
 @pytest.mark.parametrize("gateway", GATEWAYS)
 @pytest.mark.parametrize("package", ["roslib", "roslib-1"])
 def test_roslib_in_node(ports, package, gateway):
@@ -156,6 +168,8 @@ def test_roslib_in_node(ports, package, gateway):
     assert "/robot_task/pose" in found["topics"]["topics"]
     assert found["invalid"].startswith("FieldError: priority: expected int32")
     assert found["actions"] == ["/robot_task/execute"]
+    if package == "roslib":
+        check_actions(found)
     assert found["decoded"]["position"] == {"x": "float64", "y": "float64", "z": "float64"}
     assert found["chatter"] == ["one", "two", "Zürich ☃"]
     assert found["pose"]["header"]["frame_id"] == "map"
@@ -192,6 +206,12 @@ def test_roslibpy(ports, transport):
     check_services(found)
     assert "/robot_task/pose" in found["topics"]
     assert abs(found["late"]) < 30
+    state, result, reports = found["goal"]
+    assert (state, result["state"]) == ("SUCCEEDED", "SUCCEEDED")
+    assert reports > 0
+    assert found["badGoal"][:1] == found["noAction"][:1] == ["UNKNOWN"]
+    assert found["badGoal"][1].startswith("FieldError: priority: expected int32")
+    assert found["noAction"][1].startswith("ServiceUnavailable: no server offers /nothing")
     assert found["definition"]["typedefs"][0]["fieldnames"] == ["position", "orientation"]
     assert found["chatter"] == ["one", "two", "Zürich ☃"]
     assert found["parameter"] == 2
