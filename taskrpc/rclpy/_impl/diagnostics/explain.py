@@ -206,13 +206,18 @@ def call_unspun(service: str, node: str) -> None:
 
 def two_servers(service: str, *, refused: bool) -> None:
     """Report a second server of a name, which is refused or waits for the end of the first one."""
-    here = (
-        "taskrpc refuses the second one" if refused else "in taskrpc only the first one runs them"
-    )
+    if refused:
+        here = (
+            "taskrpc refuses the second one; start it in a namespace, with"
+            " --ros-args -r __ns:=/second, or end the first one; with `taskrpc run --like-ros`"
+            " it starts too"
+        )
+    else:
+        here = "in taskrpc only the first one runs them; give one of them another name, or end it"
     report(
         ("two", service),
         f"let both servers of {service} run every request, and use the response that arrives first;"
-        f" {here}; give one of them another name, or end it",
+        f" {here}",
     )
 
 

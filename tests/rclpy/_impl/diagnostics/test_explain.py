@@ -209,6 +209,7 @@ def test_a_name_that_another_program_offers_is_refused_and_like_ros_offered_twic
         second, out, err = run(HEAD + server)
         assert (second, "ready" in out, "NameInUse" in err) == (code, code == 0, code == 1)
         assert len([line for line in told(err) if "both servers of /add" in line]) == lines
+        assert ("--ros-args -r __ns:=/second" in err) == (code == 1)
         first.kill()
 
 
