@@ -22,6 +22,7 @@ EXECUTABLES = {
         "add_two_ints_client": "demo_nodes_py.services.add_two_ints_client:main",
     },
     "tf2_ros": {
+        "buffer_server": "tf2_ros.buffer_server:main",
         "static_transform_publisher": "tf2_ros.static_transform_publisher:main",
         "tf2_echo": "tf2_ros.tf2_echo:main",
         "tf2_monitor": "tf2_ros.tf2_monitor:main",

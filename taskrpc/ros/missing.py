@@ -21,7 +21,6 @@ _COMMANDS = "use the commands `taskrpc service`, `topic`, `action`, `node`, `par
 _CHECKS = "it checks the style of a package; run `colcon test` on a real ROS 2"
 _NONE = "run the program on a real ROS 2"
 _CAMERAS = "use the camera functions of OpenCV; `cv_bridge` converts the images"
-_MARKERS = "there is no rviz2 that shows markers; `visualization_msgs` has only the messages"
 _NAV2 = "Nav2 runs only on a real ROS 2; taskrpc has its interfaces, in `nav2_msgs`"
 _MOVEIT = "MoveIt runs only on a real ROS 2; taskrpc has its interfaces, in `moveit_msgs`"
 _GAZEBO = "Gazebo runs only on a real ROS 2; taskrpc has its interfaces, in `ros_gz_interfaces`"
@@ -32,7 +31,6 @@ _BAGS = "use `taskrpc bag` to read and convert recordings"
 _PYTHON = {
     **dict.fromkeys("launch_testing launch_testing_ros launch_pytest".split(), _TESTS),
     "image_geometry": _CAMERAS,
-    "interactive_markers": _MARKERS,
     "nav2_simple_commander": _NAV2,
     **dict.fromkeys(
         "launch_param_builder moveit moveit_commander moveit_configs_utils".split(), _MOVEIT

@@ -218,25 +218,11 @@ import threading
 
 import rclpy
 from geometry_msgs.msg import TransformStamped
-from rclpy.action import ActionServer
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.time import Time
-from tf2_msgs.action import LookupTransform
 from tf2_ros import Buffer, BufferClient, LookupException
-
-
-def answer(handle):
-    goal, result = handle.request, LookupTransform.Result()
-    try:
-        result.transform = buffer.lookup_transform(
-            goal.target_frame, goal.source_frame, Time.from_msg(goal.source_time)
-        )
-    except LookupException as error:
-        result.error.error = result.error.LOOKUP_ERROR
-        result.error.error_string = str(error)
-    handle.succeed()
-    return result
+from tf2_ros.buffer_server import BufferServer
 
 
 def spin():
@@ -253,7 +239,7 @@ with rclpy.init():
     shelf.transform.translation.x = 4.0
     buffer.set_transform_static(shelf, "me")
     node = Node("buffers")
-    server = ActionServer(node, LookupTransform, "tf2_buffer_server", answer)
+    server = BufferServer(buffer, node, "tf2_buffer_server")
     client = BufferClient(node, "tf2_buffer_server")
     executor = MultiThreadedExecutor(2)
     executor.add_node(node)

@@ -36,7 +36,6 @@ def hooked(tmp_path, monkeypatch):
             "it checks the style of a package; run `colcon test` on a real ROS 2",
         ),
         ("image_geometry", "use the camera functions of OpenCV; `cv_bridge` converts the images"),
-        ("interactive_markers", "`visualization_msgs` has only the messages"),
         ("nav2_simple_commander", "Nav2 runs only on a real ROS 2"),
         ("moveit.planning", "MoveIt runs only on a real ROS 2"),
         ("rosbag2_py", "`taskrpc bag` "),

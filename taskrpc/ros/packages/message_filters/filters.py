@@ -28,9 +28,13 @@ class SimpleFilter:
 
     def registerCallback(self, cb: Callable[..., Any], *args: Any) -> int:
         """Call `cb` with each output of this filter and then `args`; return a number for it."""
-        connection = len(self.callbacks)
+        connection = max(self.callbacks, default=-1) + 1
         self.callbacks[connection] = (cb, args)
         return connection
+
+    def unregisterCallback(self, conn: int) -> None:
+        """Remove a callback by its number, if it is registered."""
+        self.callbacks.pop(conn, None)
 
     def signalMessage(self, *msg: Any) -> None:
         """Call all callbacks."""

@@ -1,8 +1,8 @@
 """Transforms over topics, with ROS's `tf2_ros` functions: broadcasters, listeners, the buffer.
 
 Start with `buffer`; the tree of frames behind it is in `tf2_py`. The programs of
-`taskrpc run tf2_ros` are here too: `static_transform_publisher`, `tf2_echo` and `tf2_monitor`.
-There is no BufferServer, since ROS has it only for C++.
+`taskrpc run tf2_ros` are here too: `static_transform_publisher`, `tf2_echo`, `tf2_monitor` and
+`buffer_server`. As in ROS, programs cannot import BufferServer from `tf2_ros` itself.
 """
 
 # ROS's `tf2_ros` also contains these names of other packages, and programs import them from it.
