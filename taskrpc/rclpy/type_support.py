@@ -34,10 +34,13 @@ def check_for_type_support(msg_or_srv_type: Any) -> None:
         )
     if isinstance(msg_or_srv_type, type) and hasattr(msg_or_srv_type, "_TYPE_SUPPORT"):
         raise NoTypeSupportImportedException
-    kind = getattr(msg_or_srv_type, "__name__", repr(msg_or_srv_type))
+    if isinstance(msg_or_srv_type, type):
+        what, got = f"type object '{msg_or_srv_type.__name__}'", msg_or_srv_type.__name__
+    else:
+        what, got = f"'{type(msg_or_srv_type).__name__}' object", repr(msg_or_srv_type)
     raise AttributeError(
-        f"type object '{kind}' has no attribute '_TYPE_SUPPORT'."
-        " Expected a class such as std_msgs.msg.String or std_srvs.srv.Trigger"
+        f"{what} has no attribute '_TYPE_SUPPORT'."
+        f" Expected a class such as std_msgs.msg.String or std_srvs.srv.Trigger, got {got}"
     )
 
 
@@ -46,13 +49,24 @@ def check_is_valid_msg_type(msg_type: Any) -> None:
     check_for_type_support(msg_type)
     if hasattr(msg_type, "Request"):
         raise RuntimeError(f"expected a message type, got the service {msg_type.__name__}")
+    if hasattr(msg_type, "Impl"):
+        raise RuntimeError(f"expected a message type, got the action {msg_type.__name__}")
 
 
 def check_is_valid_srv_type(srv_type: Any) -> None:
     """Raise AttributeError or RuntimeError for an object that is not a service type."""
     check_for_type_support(srv_type)
     if not (hasattr(srv_type, "Request") and hasattr(srv_type, "Response")):
-        raise RuntimeError(f"expected a service type, got the message {srv_type.__name__}")
+        kind = "action" if hasattr(srv_type, "Impl") else "message"
+        raise RuntimeError(f"expected a service type, got the {kind} {srv_type.__name__}")
+
+
+def check_is_valid_action_type(action_type: Any) -> None:
+    """Raise AttributeError or RuntimeError for an object that is not an action type."""
+    check_for_type_support(action_type)
+    if not hasattr(action_type, "Impl"):
+        kind = "service" if hasattr(action_type, "Request") else "message"
+        raise RuntimeError(f"expected an action type, got the {kind} {action_type.__name__}")
 
 
 __all__ = [
@@ -72,6 +86,7 @@ __all__ = [
     "SrvTypeRequest",
     "SrvTypeResponse",
     "check_for_type_support",
+    "check_is_valid_action_type",
     "check_is_valid_msg_type",
     "check_is_valid_srv_type",
 ]

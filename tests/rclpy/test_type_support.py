@@ -8,6 +8,7 @@ from taskrpc.rclpy.exceptions import NoTypeSupportImportedException
 
 String = srvgen.load("std_msgs/msg/String")
 Trigger = srvgen.load("std_srvs/srv/Trigger")
+Fibonacci = srvgen.load("example_interfaces/action/Fibonacci")
 
 
 class Unsupported(type):
@@ -29,6 +30,17 @@ def test_only_interface_classes_are_accepted_as_types():
         type_support.check_is_valid_msg_type(Trigger)
     with pytest.raises(RuntimeError):
         type_support.check_is_valid_srv_type(String)
+    type_support.check_is_valid_action_type(Fibonacci)
+    for check, wrong, got in (
+        (type_support.check_is_valid_msg_type, Fibonacci, "the action Fibonacci"),
+        (type_support.check_is_valid_srv_type, Fibonacci, "the action Fibonacci"),
+        (type_support.check_is_valid_action_type, Trigger, "the service Trigger"),
+        (type_support.check_is_valid_action_type, Fibonacci.Goal, "the message Fibonacci_Goal"),
+    ):
+        with pytest.raises(RuntimeError, match=got):
+            check(wrong)
+    with pytest.raises(AttributeError, match="got 'fibonacci'"):
+        type_support.check_is_valid_action_type("fibonacci")
 
 
 def test_annotations_of_typed_programs_are_evaluated():

@@ -30,7 +30,7 @@ from ..qos import (
 from ..service_introspection import ServiceIntrospectionState
 from ..subscription import Subscription
 from ..task import Future, set_executor
-from ..type_support import check_for_type_support
+from ..type_support import check_is_valid_action_type
 from ..waitable import NumberOfEntities, Waitable
 
 if TYPE_CHECKING:
@@ -154,7 +154,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     ) -> None:
         group = node.default_callback_group if callback_group is None else callback_group
         super().__init__(group)
-        check_for_type_support(action_type)
+        check_is_valid_action_type(action_type)
         node.resolve_topic_name(action_name)  # raises for an invalid name
         self._node = self.parent_node = node
         self._action_type = action_type

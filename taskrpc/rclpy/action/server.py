@@ -34,7 +34,7 @@ from ..qos import (
 from ..service import RequestHeader
 from ..service_introspection import ServiceIntrospectionState
 from ..task import Future, set_executor
-from ..type_support import check_for_type_support
+from ..type_support import check_is_valid_action_type
 from ..waitable import NumberOfEntities, Waitable
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         self._execute_callback: Callable[[Any], Any] | None = None
         if execute_callback is not None or handle_accepted_callback in _EXECUTING:
             self.register_execute_callback(execute_callback)
-        check_for_type_support(action_type)
+        check_is_valid_action_type(action_type)
         node.resolve_topic_name(action_name)  # raises for an invalid name
         self._node = self.parent_node = node
         self._action_type = action_type
@@ -378,7 +378,10 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         handle = self._goal_handles.get(record.goal_id)
         if handle is None:
             return False
-        if await await_or_execute(self._cancel_callback, handle) is not CancelResponse.ACCEPT:
+        answer = await await_or_execute(self._cancel_callback, handle)
+        if answer is not CancelResponse.ACCEPT:
+            if not isinstance(answer, CancelResponse):
+                explain.invalid_cancel_response(self._action_name, _what(answer))
             return False
         try:
             handle._update_state(GoalEvent.CANCEL_GOAL)
@@ -477,15 +480,16 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         expected = self._action_type.Result
         if isinstance(value, expected):
             return value
-        result = expected()
-        fields = result.get_fields_and_field_types()
-        if value is None or not all(hasattr(value, name) for name in fields):
+        fields = expected.get_fields_and_field_types()
+        is_class = isinstance(value, type)
+        if value is None or is_class or not all(hasattr(value, name) for name in fields):
             problem = f"the execute callback of {self._action_name} returned {_what(value)}"
             if value is None:
                 problem += f"; is `return result` (a {expected.__name__}) missing at its end?"
             else:
                 problem += f", expected a {expected.__name__}"
             raise TypeError(problem)
+        result = expected()
         for name in fields:
             setattr(result, name, getattr(value, name))
         return result

@@ -167,6 +167,13 @@ def test_a_server_cancels_no_goal_unless_its_callback_accepts():
         assert pair.cancel(pair.send(order(1))) == 0
 
 
+def test_a_cancel_callback_that_returns_something_else_is_explained(capsys):
+    with action(handle_accepted_callback=later, cancel_callback=lambda goal: True) as pair:
+        assert pair.cancel(pair.send(order(1))) == 0
+    said = "the cancel callback of /fibonacci returned a value of the type bool; return CancelResp"
+    assert said in capsys.readouterr().err
+
+
 def test_a_request_to_cancel_may_mean_many_goals():
     deferred = Deferred()
     with action(handle_accepted_callback=deferred, cancel_callback=accept_all) as pair:
@@ -212,6 +219,18 @@ def test_a_callback_that_returns_no_result_ends_the_spin(capsys):
             pair.world.spin_until(lambda: False)
         assert pair.world.answer(future).accepted
         assert "ROS 2 would end the spin of the server" in capsys.readouterr().err
+
+
+def test_a_class_in_place_of_a_result_is_explained():
+    def execute(goal):
+        goal.succeed()
+        return Fibonacci.Result
+
+    with action(execute) as pair:
+        pair.client.send_goal_async(order(1))
+        problem = r"returned the class Fibonacci_Result \(write `Fibonacci_Result\(\)`\)"
+        with pytest.raises(TypeError, match=problem):
+            pair.world.spin_until(lambda: False)
 
 
 def test_another_message_with_the_fields_of_the_result_will_do():

@@ -127,6 +127,15 @@ def invalid_result(action: str, problem: str) -> None:
     )
 
 
+def invalid_cancel_response(action: str, returned: str) -> None:
+    """Report a cancel callback that returned a value that is not a CancelResponse."""
+    report(
+        ("cancel", action),
+        "refuse this cancellation without an error, and so does taskrpc: the cancel callback of"
+        f" {action} returned {returned}; return CancelResponse.ACCEPT or CancelResponse.REJECT",
+    )
+
+
 def callback_raised(service: str, problem: str) -> None:
     """Report an exception in a service callback; here the caller gets an error."""
     report(
