@@ -27,7 +27,8 @@ from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
 
 try:
     from taskrpc.rosbridge.server import RosbridgeServer
-    from taskrpc.web import WebServer, task_pages
+    from taskrpc.web import task_pages
+    from taskrpc.web.server import WebServer
 except ModuleNotFoundError as error:
     if error.name and error.name.startswith("taskrpc"):
         raise

@@ -55,7 +55,8 @@ async def _serve(options: argparse.Namespace, access: remote.Remote, token: str)
     from taskrpc.node import Node
     from taskrpc.program import stop_requested
     from taskrpc.rosbridge.server import RosbridgeServer
-    from taskrpc.web import Page, WebServer
+    from taskrpc.web import Page
+    from taskrpc.web.server import WebServer
 
     async def info() -> Page:
         return Page(_INFO)

@@ -5,7 +5,7 @@ import { ClassView } from "./class.js";
 import { LiveStream, takeToken } from "./connection.js";
 import { Controls } from "./controls.js";
 import { Details } from "./details.js";
-import { byId, element, icon, isProjector, query, root, setAttribute, setIcon, setText } from "./dom.js";
+import { byId, element, icon, isProjector, query, root, setAttribute, setText } from "./dom.js";
 import { GraphView } from "./graph.js";
 import { Keyboard, Tabs } from "./keyboard.js";
 import { MapView } from "./map.js";
@@ -14,6 +14,7 @@ import { Recording } from "./recording.js";
 import { SlowMotion } from "./slow_motion.js";
 import { StatusView } from "./status.js";
 import { TasksView } from "./tasks.js";
+import { setUpTheme } from "./theme.js";
 
 const TICK = 250; // milliseconds between two updates of the numbers that count
 if (isProjector) root.dataset.projector = "";
@@ -74,21 +75,6 @@ function setUpMessageButtons() {
   byId("slow_motion").onclick = toggleSlowMotion;
   byId("step").onclick = step;
   showMode();
-}
-
-function setUpTheme() {
-  const button = byId("theme");
-  const dark = matchMedia("(prefers-color-scheme: dark)");
-  button.append(icon("dark"));
-  const other = () => ((root.dataset.theme ?? (dark.matches ? "dark" : "light")) === "dark" ? "light" : "dark");
-  const show = () => setIcon(button.firstChild, other());
-  setAttribute(root, "data-theme", localStorage.getItem("taskrpc_theme"));
-  dark.onchange = show;
-  button.onclick = () => {
-    root.dataset.theme = localStorage.taskrpc_theme = other();
-    show();
-  };
-  show();
 }
 
 function setUpParts() {

@@ -16,11 +16,11 @@ import taskrpc
 from taskrpc.metrics import CONTENT_TYPE
 from taskrpc.tasks import MemoryStore, TaskServer
 from taskrpc.tasks.server import load_types
-from taskrpc.web import Page, WebServer, places, server, streams, task_pages
+from taskrpc.web import Page, places, server, streams, task_pages
 from taskrpc.web.control import Control
 from taskrpc.web.live import Live
 from taskrpc.web.pages import static_files
-from taskrpc.web.server import LivePage
+from taskrpc.web.server import LivePage, WebServer
 from taskrpc.web.streams import LiveStream
 from taskrpc.web.tokens import Tokens
 from tests.taskrpc.metrics.exposition import read
