@@ -8,6 +8,7 @@ import os
 import stat
 import sys
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from functools import cache
 
 from taskrpc.errors import TaskRpcError
@@ -31,6 +32,11 @@ _NO_SUCH_PROCESS = 87  # Windows' ERROR_INVALID_PARAMETER: no process has this i
 _REFUSED = 1225  # Windows' ERROR_CONNECTION_REFUSED, from asyncio's proactor
 _SOL_LOCAL, _LOCAL_PEERCRED = 0, 1  # macOS: the user at the other end of a unix socket
 _XUCRED = 76  # bytes of its value: version, user id, groups
+
+
+program: ContextVar[str] = ContextVar("program", default="")
+"""The name of the running program where several share one interpreter, as in a browser tab; else
+"". What a process has once, such as its endpoint or rclpy's default context, each of them has."""
 
 
 def runtime_dir() -> Path:
@@ -79,6 +85,23 @@ def find_state_dir() -> Path:
         return Path.home() / "Library" / "Application Support" / "taskrpc"
     else:
         return Path.home() / ".local" / "state" / "taskrpc"
+
+
+def cache_dir() -> Path:
+    """Return the folder for files that can be downloaded again; creates it if necessary.
+
+    Only this user can enter the folder. Raises TaskRpcError if others can, or own it.
+    """
+    from pathlib import Path
+
+    if xdg := os.environ.get("XDG_CACHE_HOME"):
+        return private_dir(Path(xdg) / "taskrpc")
+    if sys.platform == "win32":
+        return private_dir(Path(os.environ.get("LOCALAPPDATA") or _temporary()) / "taskrpc/cache")
+    elif sys.platform == "darwin":
+        return private_dir(Path.home() / "Library" / "Caches" / "taskrpc")
+    else:
+        return private_dir(Path.home() / ".cache" / "taskrpc")
 
 
 def private_dir(path: Path) -> Path:
@@ -349,7 +372,7 @@ def keep_freed_memory(size: int) -> None:
 
 def descriptor_limit() -> int:
     """Return how many files and sockets this process may have open at a time."""
-    if sys.platform == "win32":
+    if sys.platform == "win32" or sys.platform == "emscripten":
         return _NO_LIMIT
     else:
         import resource

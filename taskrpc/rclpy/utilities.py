@@ -6,20 +6,24 @@ import sys
 import threading
 from collections.abc import Sequence
 
+from taskrpc import platform
+
 from ._impl.arguments import parse
 from .constants import S_TO_NS
 from .context import Context
 
-_default_context: Context | None = None
+_default_contexts: dict[str, Context] = {}
+"""The default context of each program; see `taskrpc.platform.program`."""
 _lock = threading.Lock()
 
 
 def get_default_context(*, shutting_down: bool = False) -> Context:
     """The context that `rclpy.init()` initialises; `shutting_down` forgets it."""
-    global _default_context
+    program = platform.program.get()
     with _lock:
-        context = Context() if _default_context is None else _default_context
-        _default_context = None if shutting_down else context
+        context = _default_contexts.pop(program, None) or Context()
+        if not shutting_down:
+            _default_contexts[program] = context
         return context
 
 

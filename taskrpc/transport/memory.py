@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
+from taskrpc import platform
 from taskrpc.errors import NameInUse
 from taskrpc.security.roles import account_of
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
@@ -227,7 +228,7 @@ def open_network(settings: Settings) -> MemoryNetwork:
     """Return the network of a program with these settings; `listen` is the program's name."""
     return MemoryNetwork(
         domain=settings.domain,
-        program=settings.listen or "",
+        program=settings.listen or platform.program.get(),
         token=settings.token,
         accounts=settings.account_source(),
     )

@@ -5,12 +5,13 @@ from __future__ import annotations
 import asyncio
 import importlib
 import weakref
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 import msgspec
 
+from taskrpc import platform
 from taskrpc.errors import TaskRpcError
 from taskrpc.security.lab import remembered_lab
 from taskrpc.security.roles import Accounts
@@ -49,7 +50,10 @@ TRANSPORTS = {
 }
 """The values of `transport=`. A new transport needs one line here; see `network` and `engine`."""
 
-_endpoints: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[Hashable, Endpoint]] = (
+_Key: TypeAlias = tuple[str, Settings, object, object, str]
+"""What nodes must have in common to share an endpoint; the last part is the program."""
+
+_endpoints: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[_Key, Endpoint]] = (
     weakref.WeakKeyDictionary()
 )
 
@@ -86,7 +90,7 @@ def shared_endpoint(
     )
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
     profile = keepalive_of(keepalive)
-    key = (name, settings, profile, faults)
+    key: _Key = (name, settings, profile, faults, platform.program.get())
     if (known := endpoints.get(key)) is not None:
         known.holders += 1
         return known
@@ -97,6 +101,18 @@ def shared_endpoint(
         network, forget, keepalive=profile, threads=threads, faults=faults
     )
     return endpoint
+
+
+async def close_program(program: str) -> None:
+    """Close the endpoints of a program that has ended without closing its nodes.
+
+    `program` is a value of `platform.program`, for interpreters in which programs end one by one.
+    """
+    endpoints = _endpoints.get(asyncio.get_running_loop(), {})
+    left = [endpoint for key, endpoint in endpoints.items() if key[-1] == program]
+    for endpoint in left:
+        endpoint.holders = 1
+        await endpoint.release()
 
 
 def registered(name: str) -> Registration:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextvars import copy_context
+
 import pytest
 
-from taskrpc import rclpy
+from taskrpc import platform, rclpy
 from taskrpc.rclpy import signals, utilities
 from taskrpc.rclpy.exceptions import RCLError
 from taskrpc.rclpy.signals import SignalHandlerOptions
@@ -62,6 +64,24 @@ def test_the_global_executor_ends_with_its_context():
     rclpy.shutdown()
     rclpy.init(args=[])
     assert rclpy.get_global_executor() is not executor
+
+
+def test_programs_in_one_interpreter_have_default_contexts_and_executors_of_their_own():
+    def program(name):
+        platform.program.set(name)
+        rclpy.init(args=[])
+        return rclpy.get_default_context(), rclpy.get_global_executor()
+
+    one, other = copy_context(), copy_context()
+    first_context, first_executor = one.run(program, "one")
+    assert not rclpy.ok()
+    second_context, second_executor = other.run(program, "other")
+    assert first_context is not second_context
+    assert first_executor is not second_executor
+    one.run(rclpy.shutdown)
+    assert second_context.ok()
+    assert other.run(rclpy.get_global_executor) is second_executor
+    other.run(rclpy.shutdown)
 
 
 def test_ros_arguments_can_be_removed():

@@ -21,8 +21,10 @@ posix = pytest.mark.skipif(os.name != "posix", reason="modes and owners are POSI
 def test_places_follow_the_environment(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "r"))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "s"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "c"))
     assert platform.runtime_dir() == tmp_path / "r" / "taskrpc"
     assert platform.state_dir() == tmp_path / "s" / "taskrpc"
+    assert platform.cache_dir() == tmp_path / "c" / "taskrpc"
 
 
 @posix

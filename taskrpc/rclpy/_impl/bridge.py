@@ -8,7 +8,7 @@ from collections.abc import Callable, Coroutine
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from taskrpc import sync
+from taskrpc import platform, sync
 from taskrpc.errors import NameInUse, ServiceUnavailable, WouldDeadlock
 
 from .diagnostics.explain import like_ros, two_servers
@@ -193,7 +193,7 @@ class Offered:
 class _Shared:
     """The servers of one service in this program; the oldest one is the native server."""
 
-    _all: ClassVar[dict[tuple[int, str], _Shared]] = {}
+    _all: ClassVar[dict[tuple[str, int, str], _Shared]] = {}
     _guard = threading.RLock()
 
     def __init__(self, srv_type: Any, name: str) -> None:
@@ -205,10 +205,11 @@ class _Shared:
     @classmethod
     def of(cls, bridge: Bridge, srv_type: Any, name: str) -> _Shared:
         """The servers of this name; a new object for the first one."""
+        key = (platform.program.get(), bridge.domain_id, name)
         with cls._guard:
-            known = cls._all.get((bridge.domain_id, name))
+            known = cls._all.get(key)
             if known is None or known._srv_type is not srv_type:
-                known = cls._all[bridge.domain_id, name] = cls(srv_type, name)
+                known = cls._all[key] = cls(srv_type, name)
             return known
 
     def add(self, bridge: Bridge, take: Take, *, join: bool) -> Offered:

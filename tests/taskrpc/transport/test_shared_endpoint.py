@@ -2,10 +2,12 @@
 
 import asyncio
 import sys
+from contextvars import copy_context
 
 import pytest
 
 import taskrpc
+from taskrpc import platform
 from taskrpc.transport import shared_endpoint
 from taskrpc.transport.memory import MemoryNetwork
 from taskrpc.transport.shared_endpoint import TRANSPORTS, Registration
@@ -99,3 +101,28 @@ async def test_nodes_with_equal_settings_share_an_endpoint():
     ):
         assert one._transport is other._transport
         assert one._transport is not apart._transport
+
+
+async def test_programs_in_one_interpreter_have_endpoints_of_their_own():
+    def in_program(name):
+        context = copy_context()
+        context.run(platform.program.set, name)
+        return context
+
+    async def started(name):
+        node = taskrpc.Node(name, transport="memory")
+        await node.start()
+        return node
+
+    async with taskrpc.Node("apart", transport="memory") as apart:
+        one, same, other = [
+            await asyncio.create_task(started(name), context=in_program(program))
+            for name, program in [("one", "a"), ("same", "a"), ("other", "b")]
+        ]
+        assert one._transport is same._transport
+        assert len({one._transport, other._transport, apart._transport}) == 3
+
+        await shared_endpoint.close_program("a")  # its nodes were never destroyed
+        names = {node for entry in await other.graph() for node in entry.nodes}
+        assert names == {"/other", "/apart"}
+        await other.destroy()

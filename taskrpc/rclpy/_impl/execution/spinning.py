@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Self
 
+from taskrpc import platform
+
 from ... import signals, utilities
 from ...context import Context
 from ...signals import SignalHandlerOptions
@@ -16,7 +18,8 @@ if TYPE_CHECKING:
     from ...executors import Executor
     from ...node import Node
 
-_executor: Executor | None = None
+_executors: dict[str, Executor] = {}
+"""The global executor of each program; see `taskrpc.platform.program`."""
 
 
 class InitContextManager:
@@ -60,18 +63,17 @@ def init(
 
 def get_global_executor() -> Executor:
     """The executor of `spin`, `spin_once` and `spin_until_future_complete`."""
-    global _executor
-    if (known := _executor) is not None:
+    program = platform.program.get()
+    if (known := _executors.get(program)) is not None:
         return known
     from ...executors import SingleThreadedExecutor
 
-    executor = _executor = SingleThreadedExecutor()
+    executor = _executors[program] = SingleThreadedExecutor()
 
     def reset() -> None:
-        global _executor
         executor.shutdown()
-        if _executor is executor:
-            _executor = None
+        if _executors.get(program) is executor:
+            del _executors[program]
 
     executor.context.on_shutdown(reset)  # calls it at once after a signal
     return executor

@@ -10,6 +10,8 @@ import weakref
 from collections.abc import Callable
 from typing import TextIO
 
+from taskrpc import platform
+
 from ...impl.logging_severity import LoggingSeverity
 from ..arguments import Arguments
 from .format import DEFAULT, Format, Record, coloured
@@ -59,8 +61,8 @@ def clear_levels() -> None:
     _effective.clear()
 
 
-_rosout: dict[str, weakref.WeakMethod[Callable[[Record], None]]] = {}
-"""The method that publishes the lines of a logger, by the logger's name."""
+_rosout: dict[tuple[str, str], weakref.WeakMethod[Callable[[Record], None]]] = {}
+"""The method that publishes the lines of a logger, by the program's and the logger's name."""
 _lock = threading.Lock()  # so that lines of several threads do not mix
 _console: _Console | None = None
 _owners: weakref.WeakSet[object] = weakref.WeakSet()
@@ -156,7 +158,8 @@ def add_rosout(name: str, publish: Callable[[Record], None]) -> None:
 
     Only a weak reference is kept. Like ROS, this warns of a second node of the same name.
     """
-    if name in _rosout and _rosout[name]() is not None:
+    key = (platform.program.get(), name)
+    if key in _rosout and _rosout[key]() is not None:
         warn(
             "rcl.logging_rosout",
             f"Publisher already registered for node name: '{name}'. If this is due to multiple"
@@ -166,12 +169,12 @@ def add_rosout(name: str, publish: Callable[[Record], None]) -> None:
             " published on the rosout topic.",
         )
         return
-    _rosout[name] = weakref.WeakMethod(publish)
+    _rosout[key] = weakref.WeakMethod(publish)
 
 
 def remove_rosout(name: str) -> None:
     """Stop publishing the lines of a logger: its node is destroyed."""
-    _rosout.pop(name, None)
+    _rosout.pop((platform.program.get(), name), None)
 
 
 def warn(name: str, message: str) -> None:
@@ -194,9 +197,9 @@ def log(record: Record) -> None:
 
 
 def _publish(record: Record) -> None:
-    name = record.name
+    program, name = platform.program.get(), record.name
     while name:
-        if (known := _rosout.get(name)) is not None and (publish := known()) is not None:
+        if (known := _rosout.get((program, name))) is not None and (publish := known()) is not None:
             publish(record)
             return
         name = name.rpartition(SEPARATOR)[0]
