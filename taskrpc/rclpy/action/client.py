@@ -155,7 +155,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         group = node.default_callback_group if callback_group is None else callback_group
         super().__init__(group)
         check_is_valid_action_type(action_type)
-        node.resolve_topic_name(action_name)  # raises for an invalid name
+        remapped = node.resolve_topic_name(action_name)  # raises for an invalid name
         self._node = self.parent_node = node
         self._action_type = action_type
         self._action_name = action_name
@@ -167,7 +167,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         self._unanswered: set[bytes] = set()
         """The goals without a response of the server. Their feedback waits: over another connection
         it may arrive before the response, and in ROS it comes after."""
-        names = action_names(action_name)
+        names = action_names(remapped)
         self._messages = messages = ActionMessages(action_type)
 
         def client(kind: Any, name: str, qos: QoSProfile) -> Client[Any, Any]:

@@ -239,10 +239,9 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         if execute_callback is not None or handle_accepted_callback in _EXECUTING:
             self.register_execute_callback(execute_callback)
         check_is_valid_action_type(action_type)
-        node.resolve_topic_name(action_name)  # raises for an invalid name
         self._node = self.parent_node = node
         self._action_type = action_type
-        self._action_name = node.resolve_service_name(action_name)
+        self._action_name = node.resolve_topic_name(action_name)  # raises for an invalid name
         self._logger = node.get_logger().get_child("action_server")
         self._handle = Handle(self)
         self._lock = threading.RLock()
@@ -262,7 +261,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             feedback_pub_qos_profile,
             status_pub_qos_profile,
         )
-        self._parts = ServerParts(node, messages, action_name, group, profiles)
+        self._parts = ServerParts(node, messages, self._action_name, group, profiles)
         self.services = self._parts.services
         """The services that it consists of, for the diagnostics."""
         node.add_waitable(self)

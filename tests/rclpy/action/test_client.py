@@ -210,3 +210,19 @@ def test_action_modules_have_the_names_that_programs_import():
     assert action_module.client.GoalStatus is action_module.server.GoalStatus is GoalStatus
     assert ClientGoalHandle[int, int, int]
     assert ActionClient[int, int, int]
+
+
+def test_the_name_of_an_action_is_remapped_as_in_ros():
+    arguments = ["--ros-args", "-r", "turtle1/rotate:=turtle2/rotate"]
+    with living() as world:
+        node = world.node("remapped", cli_args=arguments)
+        server = action_module.ActionServer(node, Fibonacci, "turtle1/rotate", count)
+        client = ActionClient(node, Fibonacci, "turtle1/rotate")
+        for names in (
+            action_module.get_action_client_names_and_types_by_node,
+            action_module.get_action_server_names_and_types_by_node,
+        ):
+            until(lambda names=names: names(node, "remapped", "/"))
+            assert [name for name, _ in names(node, "remapped", "/")] == ["/turtle2/rotate"]
+        client.destroy()
+        server.destroy()
