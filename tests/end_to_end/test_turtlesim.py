@@ -129,7 +129,9 @@ def test_understanding_services(turtlesim):
         "response:\nstd_srvs.srv.Empty_Response()\n\n"
     )
     request = "{x: 2, y: 2, theta: 0.2, name: ''}"
-    assert command("service", "call", "/spawn", "turtlesim/srv/Spawn", request).endswith(
+    assert command("service", "call", "/spawn", "turtlesim/srv/Spawn", request) == (
+        "requester: making request: "
+        "turtlesim.srv.Spawn_Request(x=2.0, y=2.0, theta=0.2, name='')\n\n"
         "response:\nturtlesim.srv.Spawn_Response(name='turtle2')\n\n"
     )
 

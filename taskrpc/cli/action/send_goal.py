@@ -16,7 +16,7 @@ from taskrpc.cli.service.calling import without_nan
 from taskrpc.cli.shared import graph, quoting
 from taskrpc.cli.shared.command import Exit, hinted
 from taskrpc.cli.shared.remote import HERE, Remote
-from taskrpc.cli.shared.values import build_request
+from taskrpc.cli.shared.values import as_typed, build_request
 from taskrpc.errors import (
     GoalAborted,
     GoalCanceled,
@@ -85,7 +85,7 @@ class _Sender:
         client = self._node.create_action_client(cls, self._name)
         if not await client.wait_for_server(self._left()):
             raise await self._unavailable()
-        self._print(f"Sending goal:\n     {yaml_of(goal, _FULL)}")
+        self._print(f"Sending goal:\n     {yaml_of(as_typed(goal), _FULL)}")
         try:
             handle = await self._send(client, goal)
         except GoalRejected as error:

@@ -15,7 +15,7 @@ from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import hinted
 from taskrpc.cli.shared.definitions import differs_here, local_service_type, service_type_name
 from taskrpc.cli.shared.remote import HERE, Remote
-from taskrpc.cli.shared.values import build_request
+from taskrpc.cli.shared.values import as_typed, build_request
 from taskrpc.client import Client
 from taskrpc.errors import (
     AuthenticationFailed,
@@ -102,7 +102,7 @@ class _Caller:
         if client is None or not client.service_is_ready():
             client = self._client = await self._reach(deadline)
         request = self._request()
-        self._print(f"requester: making request: {request!r}\n")
+        self._print(f"requester: making request: {as_typed(request)!r}\n")
         try:
             response = await client.call(
                 request,

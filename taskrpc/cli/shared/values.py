@@ -6,8 +6,11 @@ and `{id: 007}` need no quotes. A number that an integer field cannot hold is re
 
 from __future__ import annotations
 
+import math
 import re
+import struct
 from collections.abc import Sequence
+from copy import deepcopy
 from typing import Any
 
 from srvgen import FieldError, from_builtins
@@ -36,6 +39,44 @@ def build_request(cls: Any, values: Sequence[str]) -> Any:
     Raises InvalidRequest.
     """
     return from_fields(cls, read_fields(cls, values))
+
+
+def as_typed(message: Any) -> Any:
+    """Return a copy whose float32 numbers have few digits: 0.2 instead of 0.20000000298023224.
+
+    `ros2` prints the numbers of a command line before it rounds them to float32.
+    """
+    copy = deepcopy(message)
+    _shorten(copy)
+    return copy
+
+
+def _shorten(message: Any) -> None:
+    for name, kind in type(message).get_fields_and_field_types().items():
+        value = getattr(message, name)
+        if kind == "float":
+            setattr(message, name, _shortest(value))
+        elif hasattr(value, "get_fields_and_field_types"):
+            _shorten(value)
+        elif isinstance(value, list) and hasattr(next(iter(value), None), "_FIELDS"):
+            for each in value:
+                _shorten(each)
+
+
+def _shortest(value: float) -> float:
+    """Return the number of fewest digits that is the same as a float32."""
+    if not math.isfinite(value):
+        return value
+    packed = struct.pack("<f", value)
+    texts = (float(f"{value:.{digits}g}") for digits in range(1, 9))
+    return next((each for each in texts if _packs_to(each, packed)), value)
+
+
+def _packs_to(value: float, packed: bytes) -> bool:
+    try:
+        return struct.pack("<f", value) == packed
+    except OverflowError:  # rounded up above the largest float32
+        return False
 
 
 def from_fields(cls: Any, fields: dict[str, Any]) -> Any:

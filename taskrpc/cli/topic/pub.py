@@ -10,6 +10,7 @@ import srvgen
 from taskrpc.cli.shared import definitions, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, standard_input, tune_for_long_run
 from taskrpc.cli.shared.remote import remote_of
+from taskrpc.cli.shared.values import as_typed
 from taskrpc.cli.topic.messages import Template, documents
 from taskrpc.cli.topic.qos_options import qos_to_publish
 from taskrpc.cli.topic.topic_graph import message_type_name
@@ -105,7 +106,7 @@ async def _loop(
     for number, template in enumerate(itertools.cycle(templates), 1):
         message = template.message()
         if every and number % every == 0:
-            print(f"publishing #{number}: {message!r}\n", flush=True)
+            print(f"publishing #{number}: {as_typed(message)!r}\n", flush=True)
         publisher.publish(message)
         if number == times:
             return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import struct
 
 import pytest
 import yaml
@@ -11,7 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import srvgen
-from taskrpc.cli.shared.values import build_request, simple_mapping, simple_value, split_type
+from taskrpc.cli.shared.values import (
+    as_typed,
+    build_request,
+    simple_mapping,
+    simple_value,
+    split_type,
+)
 from taskrpc.cli.shared.yaml_values import Reader, read_mapping
 from taskrpc.errors import InvalidRequest
 
@@ -21,6 +28,7 @@ PLAN = srvgen.load("nav_msgs/srv/GetPlan").Request
 BASIC = srvgen.load("test_msgs/srv/BasicTypes").Request
 ARRAYS = srvgen.load("test_msgs/srv/Arrays").Request
 POINT = srvgen.load("geometry_msgs/msg/Point")
+POINT32 = srvgen.load("geometry_msgs/msg/Point32")
 TRIGGER = srvgen.load("std_srvs/srv/Trigger").Request
 
 
@@ -244,3 +252,20 @@ def test_a_comma_in_a_text_is_part_of_it():
     assert build_request(TASK, ["target=3,4", "task_type=a, b"]) == TASK(
         target="3,4", task_type="a, b"
     )
+
+
+@given(st.floats(width=32))
+def test_float32_numbers_are_shown_with_few_digits_and_the_same_value(number):
+    shown = as_typed(POINT32(x=number))
+    assert struct.pack("<f", shown.x) == struct.pack("<f", number)
+    assert len(repr(shown.x)) <= len(repr(number))
+
+
+def test_float32_numbers_are_shown_as_they_were_typed():
+    point = build_request(POINT32, ["{x: 0.2, y: 1.57, z: -3.4028235e38}"])
+    assert point.x != 0.2
+    cloud = srvgen.load("sensor_msgs/msg/PointCloud")(points=[point])
+    shown = as_typed(cloud).points[0]
+    assert (shown.x, shown.y, shown.z) == (0.2, 1.57, -3.4028235e38)
+    assert cloud.points[0].x == point.x
+    assert as_typed(POINT32(x=math.inf)).x == math.inf
