@@ -51,6 +51,17 @@ _PYTHON = {
 }
 """Python packages of ROS 2, each with the advice for its users."""
 
+_RQT = "taskrpc has no rqt, the windows of ROS 2;"
+_PROGRAMS = {
+    "rqt_console": f"{_RQT} to see the log messages: taskrpc topic echo /rosout",
+    "rqt_graph": f"{_RQT} to see the connections: taskrpc node info NODE",
+    "rqt_gui": f"{_RQT} the commands of `taskrpc` show and change the same",
+    "rqt_reconfigure": f"{_RQT} to change parameters: taskrpc param set NODE NAME VALUE",
+    "rqt_plot": f"{_RQT} to see the values: taskrpc topic echo TOPIC --field NAME --csv",
+    "rviz2": "taskrpc has no rviz2; start it on a real ROS 2",
+}
+"""Packages of programs with windows, each with the advice for its users."""
+
 _REPOSITORIES = {
     "rmf_fleet_msgs": "https://github.com/open-rmf/rmf_internal_msgs",
     "velodyne_msgs": "https://github.com/ros-drivers/velodyne",
@@ -67,6 +78,11 @@ def explain_ros(name: str) -> str:
         return f"it is a package of ROS 2 that taskrpc does not have: {hint}"
     is_of_interfaces = name in _INTERFACES or name in _REPOSITORIES
     return _place_for_interfaces(name) if is_of_interfaces else ""
+
+
+def explain_program(package: str) -> str:
+    """What to use in place of the programs of a package with windows; "" for other packages."""
+    return _PROGRAMS.get(package, "")
 
 
 def explain_ros_or_interfaces(name: str) -> str:

@@ -17,6 +17,7 @@ from typing import Any, NoReturn
 from srvgen.cli import process
 from taskrpc.errors import TaskRpcError
 from taskrpc.ros import hook, workspace
+from taskrpc.ros.missing import explain_program
 
 _GARBAGE = 700
 """Python's default threshold, which programs expect; the commands of taskrpc use another."""
@@ -94,7 +95,8 @@ def run_executable(
         return _run_bundled(package, bundled.EXECUTABLES[package], name, arguments)
     if folder is None:
         where = f"expected a package.xml of that name in the workspace here, {Path.cwd()}"
-        raise _with_hint(TaskRpcError(f"Package '{package}' not found"), where)
+        problem = TaskRpcError(f"Package '{package}' not found")
+        raise _with_hint(problem, explain_program(package) or where)
     targets = installed.entry_points(folder)
     if name in targets:
         _prepare(installed.source_folder(folder), [str(folder / name), *arguments])

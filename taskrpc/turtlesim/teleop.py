@@ -9,6 +9,7 @@ from typing import Any
 
 import rclpy
 from geometry_msgs.msg import Twist
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.action import ActionClient
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -32,6 +33,8 @@ class TeleopTurtle(Node):
         super().__init__("teleop_turtle", **options)
         self.declare_parameter("scale_angular", 2.0)
         self.declare_parameter("scale_linear", 2.0)
+        # Nothing reads it, but ROS's documentation lists this topic of the node.
+        self.create_subscription(ParameterEvent, "/parameter_events", lambda _: None, 10)
         self._velocities = self.create_publisher(Twist, "turtle1/cmd_vel", 1)
         self._rotations = ActionClient(self, RotateAbsolute, "turtle1/rotate_absolute")
         self._goal: Any = None

@@ -290,6 +290,7 @@ def test_a_file_of_a_package_finds_the_packages_beside_its_own(workspace, tmp_pa
 def test_missing_package_or_executable_is_one_line(workspace):
     for arguments, start in (
         (["nodez", "ask"], "Package 'nodez' not found\n  hint: expected a package.xml"),
+        (["rqt_console", "rqt_console"], "Package 'rqt_console' not found\n  hint: taskrpc has no"),
         (["nodes", "asc"], "No executable found\n  hint: nodes has ask; got 'asc'"),
         (["nodes"], "cannot run nodes: No such file or directory; for a package, name its exec"),
     ):
