@@ -27,6 +27,7 @@ return alpha === 255 && green > red && green > blue;
 """
 _FILTER = "return getComputedStyle(document.querySelector('main')).filter"
 _PAPER = "return getComputedStyle(document.getElementById('paper')).backgroundColor"
+_BACK = "return getComputedStyle(document.body).backgroundColor"
 _OVERFLOW = "return document.documentElement.scrollWidth - innerWidth"
 
 
@@ -141,3 +142,7 @@ def test_page_is_accessible_and_fits_a_phone(simulator, tabs, scheme):
         tab = is_live(tabs.open(simulator.url, size=size, color_scheme=scheme))
         assert tab.violations() == []
         assert tab.run(_OVERFLOW) <= 0
+    before = tab.run(_BACK)
+    tab.click("#theme")
+    assert tab.run(_BACK) != before
+    tab.run("localStorage.clear()")

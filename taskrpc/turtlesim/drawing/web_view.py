@@ -33,7 +33,7 @@ KEYS = frozenset((*DIRECTIONS, *HEADINGS, CANCEL))
 """The keys that the page may send: those of turtle_teleop_key, without `q`."""
 _MOST_KEYS = 20
 _START_TIMEOUT = 10.0
-_SHARED = ("/connection.js", "/dom.js", "/words.js")
+_SHARED = ("/connection.js", "/dom.js", "/theme.js", "/words.js")
 """The modules of the live page that this page uses too."""
 
 

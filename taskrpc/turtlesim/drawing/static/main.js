@@ -5,6 +5,7 @@ import { byId, root, setAttribute, setText } from "./dom.js";
 import { Keys } from "./keys.js";
 import { Picture } from "./picture.js";
 import { showPoses } from "./poses.js";
+import { setUpTheme } from "./theme.js";
 import { timeOfDay } from "./words.js";
 
 const WORDS = { connecting: "connecting", live: "live", lost: "connection lost", refused: "refused", asleep: "asleep" };
@@ -41,4 +42,5 @@ function report(state, text) {
   if (state !== "live") keys.stop();
 }
 
+setUpTheme();
 new LiveStream(token, receive, report).run();
