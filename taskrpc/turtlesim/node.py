@@ -26,7 +26,7 @@ from turtlesim.action import RotateAbsolute
 from turtlesim.msg import Color, Pose
 from turtlesim.srv import Kill, SetPen, Spawn, TeleportAbsolute, TeleportRelative
 
-from taskrpc.errors import NameInUse
+from taskrpc.errors import NameInUse, TaskRpcError
 from taskrpc.turtlesim.canvas import Color as Rgb
 from taskrpc.turtlesim.drawing import views
 from taskrpc.turtlesim.teleop import TeleopTurtle
@@ -266,21 +266,29 @@ def main(args: Sequence[str] | None = None) -> int:
 
 
 def _show(options: argparse.Namespace) -> None:
+    with ExitStack() as stack:
+        try:  # first, so that the node's log lines are below the picture
+            view = stack.enter_context(views.opened(options.view, options.port))
+        except TaskRpcError as error:
+            raise SystemExit(f"turtlesim_node: {error}") from None
+        _spin(view)
+
+
+def _spin(view: views.PacedView) -> None:
+    """Run the node until the user closes the view."""
     executor = SingleThreadedExecutor()
-    with views.opened(options.view, options.port) as view:
-        # The node comes second, so that its log lines are below the picture.
-        node = Turtlesim()
-        executor.add_node(node)
-        view.title = node.get_fully_qualified_name()
-        teleop: TeleopTurtle | None = None
-        while view.draw(node.world, node.background):
-            for key in view.pressed_keys():
-                if teleop is None:  # not earlier, so that the graph shows it only if it is used
-                    settings = {"namespace": node.get_namespace(), "use_global_arguments": False}
-                    teleop = TeleopTurtle(**settings)
-                    executor.add_node(teleop)
-                teleop.press(key)
-            executor.spin_once(timeout_sec=STEP)
+    node = Turtlesim()
+    executor.add_node(node)
+    view.title = node.get_fully_qualified_name()
+    teleop: TeleopTurtle | None = None
+    while view.draw(node.world, node.background):
+        for key in view.pressed_keys():
+            if teleop is None:  # not earlier, so that the graph shows it only if it is used
+                settings = {"namespace": node.get_namespace(), "use_global_arguments": False}
+                teleop = TeleopTurtle(**settings)
+                executor.add_node(teleop)
+            teleop.press(key)
+        executor.spin_once(timeout_sec=STEP)
 
 
 def _options(arguments: list[str]) -> argparse.Namespace:
@@ -288,5 +296,11 @@ def _options(arguments: list[str]) -> argparse.Namespace:
     what = "where to draw; without this option a window, else a web page, else the terminal"
     parser.add_argument("--view", choices=views.NAMES, default="auto", help=what)
     port = "the port of the web page; 0 means any free port"
-    parser.add_argument("--port", type=int, help=f"{port}; default: 8643, or any free port")
+    parser.add_argument("--port", type=_port, help=f"{port}; default: 8643, or any free port")
     return parser.parse_args(arguments)
+
+
+def _port(text: str) -> int:
+    if text.isascii() and text.isdecimal() and int(text) < 65536:
+        return int(text)
+    raise argparse.ArgumentTypeError(f"expected a port from 0 to 65535, got {text!r}")

@@ -151,3 +151,10 @@ def test_a_name_that_topics_cannot_have_is_an_error_in_the_log(turtlesim):
     node.wait_for(f"A turtle cannot be named [{long}]: ")
     assert "name='turtle2'" in turtlesim.command(*call, "{x: 2, y: 2}")
     assert node.interrupt() == 0
+
+
+def test_a_view_that_does_not_work_is_one_line(turtlesim):
+    node, _ = turtlesim.run("turtlesim_node", "--view", "terminal")
+    assert node.end() == 1
+    assert node.err.startswith("turtlesim_node: cannot draw: expected a terminal as the output")
+    assert "Traceback" not in node.err
