@@ -108,7 +108,7 @@ _OF_ROS = frozenset(
     " ros2_numpy tf2_geometry_msgs tf2_py tf2_ros tf2_sensor_msgs tf2_tools"
     " tf_transformations control_msgs"
     " moveit_msgs image_transport_py diagnostic_updater image_geometry interactive_markers"
-    " moveit rclpy_message_converter sensor_msgs_py launch_xml launch_yaml".split()
+    " moveit rclpy_message_converter sensor_msgs_py launch_xml launch_yaml turtle_tf2_py".split()
 )
 """Packages of ROS 2 that programs import, besides interface packages."""
 

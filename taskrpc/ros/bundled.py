@@ -29,6 +29,9 @@ EXECUTABLES = {
         "view_frames": "tf2_tools.view_frames:main",  # ROS has it only in tf2_tools
     },
     "tf2_tools": {"view_frames": "tf2_tools.view_frames:main"},
+    "turtle_tf2_py": {
+        "turtle_tf2_broadcaster": "turtle_tf2_py.turtle_tf2_broadcaster:main",
+    },
     "turtlesim": {
         "turtlesim_node": "taskrpc.turtlesim.node:main",
         "turtle_teleop_key": "taskrpc.turtlesim.teleop:main",
