@@ -31,7 +31,7 @@ _BAGS = "use `taskrpc bag` to read and convert recordings"
 _PYTHON = {
     **dict.fromkeys("launch_testing launch_testing_ros launch_pytest".split(), _TESTS),
     "image_geometry": _CAMERAS,
-    "nav2_simple_commander": _NAV2,
+    **dict.fromkeys("nav2_simple_commander turtlebot4_navigation".split(), _NAV2),
     **dict.fromkeys(
         "launch_param_builder moveit moveit_commander moveit_configs_utils".split(), _MOVEIT
     ),
@@ -45,7 +45,7 @@ _PYTHON = {
         _CHECKS,
     ),
     **dict.fromkeys(
-        "rosidl_generator_py rpyutils rqt_gui_py".split(),
+        "py_trees_ros rosidl_generator_py rpyutils rqt_gui_py".split(),
         _NONE,
     ),
 }
@@ -63,6 +63,8 @@ _PROGRAMS = {
 """Packages of programs with windows, each with the advice for its users."""
 
 _REPOSITORIES = {
+    "motoros2_interfaces": "https://github.com/Yaskawa-Global/motoros2_interfaces",
+    "nvblox_msgs": "https://github.com/NVIDIA-ISAAC-ROS/isaac_ros_nvblox",
     "rmf_fleet_msgs": "https://github.com/open-rmf/rmf_internal_msgs",
     "velodyne_msgs": "https://github.com/ros-drivers/velodyne",
 }

@@ -37,6 +37,7 @@ def hooked(tmp_path, monkeypatch):
         ),
         ("image_geometry", "use the camera functions of OpenCV; `cv_bridge` converts the images"),
         ("nav2_simple_commander", "Nav2 runs only on a real ROS 2"),
+        ("turtlebot4_navigation.turtlebot4_navigator", "Nav2 runs only on a real ROS 2"),
         ("moveit.planning", "MoveIt runs only on a real ROS 2"),
         ("rosbag2_py", "`taskrpc bag` "),
         ("graph_msgs.msg", "put its folder (with graph_msgs/srv, graph_msgs/msg) beside"),
