@@ -12,6 +12,7 @@ from ..definitions.names import (
     is_message_name,
     is_one_typo,
     is_package_name,
+    similar_names,
 )
 from ..diagnostics.type_hints import missing_type_hint, suggest
 from ..errors import DefinitionError
@@ -45,8 +46,21 @@ def unknown_package(
     return DefinitionError(
         f"package {package!r} not found",
         hint=_misplaced_file(package, roots, wanted)
-        or next(filter(None, (did_you_mean(package, each) for each in _groups(packages))), ""),
+        or next(filter(None, (_package_hint(package, each) for each in _groups(packages))), ""),
     )
+
+
+def _package_hint(package: str, known: Iterable[str]) -> str:
+    """A hint with the packages that `package` resembles, even without a common `_msgs`, or ""."""
+    stem, _, word = package.rpartition("_")
+    ending = f"_{word}"
+    stems = [(one.removesuffix(ending), one) for one in known]
+    alike = [
+        one
+        for bare, one in stems
+        if bare == one or is_one_typo(bare, stem) or similar_names(stem, [bare])
+    ]
+    return did_you_mean(package, alike)
 
 
 def name_hint(text: str, packages: Mapping[str, Sequence[Path]], interfaces: Interfaces) -> str:
