@@ -1,4 +1,4 @@
-"""`taskrpc view`: opens the live page of the task server, or of a recording, in the browser.
+"""`taskrpc view`: opens the live page of the task server, a recording or the labs in the browser.
 
 On a laptop that has joined a lab, it prints the links of the lab's page: a server that it started
 here would answer the calls that are meant for the lab.
@@ -17,7 +17,7 @@ from collections.abc import Iterator
 from types import FrameType
 
 from taskrpc.cli.shared import graph
-from taskrpc.cli.shared.command import Exit, NotFound, hinted
+from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.shared.page_link import PageLink, noted_links
 from taskrpc.errors import TaskRpcError
 from taskrpc.security.lab import Lab, remembered_lab
@@ -50,10 +50,26 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--no-browser", action="store_true", help="Print the links instead of opening a browser")
     what = "Open the page for a projector: large letters, and no buttons"
     add("--projector", action="store_true", help=what)
+    group = parser.add_argument_group("labs")
+    add = group.add_argument
+    what = "Open the page on which the first labs run in the browser, without a task server"
+    add("--lab", metavar="N", nargs="?", type=int, const=1, help=what)
+    add("--variant", metavar="ID", help="The variant of the labs, such as the student's name")
+    what = "The port of this page; browsers keep your programs for each port. Default: 8737"
+    add("--port", type=int, help=what)
+    what = "Take Pyodide from this folder, such as browser-lab of a classroom bundle"
+    add("--pyodide", metavar="FOLDER", help=what)
     parser.set_defaults(run=_run)
 
 
 def _run(options: argparse.Namespace) -> int:
+    if options.lab is not None:
+        from taskrpc.cli.lab.browser_page import view as view_labs  # reads many files
+
+        return view_labs(options)
+    for name in ("variant", "port", "pyodide"):
+        if getattr(options, name) is not None:
+            raise UsageError(f"--{name} belongs to --lab: taskrpc view --lab --{name} …")
     if options.file is not None:
         from taskrpc.cli.view_recording import view  # needs two extras
 

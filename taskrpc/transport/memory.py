@@ -138,7 +138,7 @@ class MemoryNetwork:
         listener, conditions = self._listener(address), self._hub.conditions
         if conditions is None:
             client = factory()
-            join(client, listener.factory(), address.place)
+            join(client, listener.factory(), address.place, context=listener.context)
         else:
             await conditions.connect(self.program, listener)
             client = factory()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from contextvars import Context, copy_context
 from typing import Any
 
 HIGH_WATER, LOW_WATER = 65_536, 16_384
@@ -19,6 +20,8 @@ class ReadingEnd(asyncio.Transport):
     def __init__(self, protocol: asyncio.BufferedProtocol, name: str) -> None:
         super().__init__({"peername": name})
         self._loop = asyncio.get_running_loop()
+        self._context = copy_context()
+        """The context in which this end reads, as with a socket: not that of the other end."""
         self._protocol = protocol
         self._inbox: deque[memoryview] = deque()
         """Bytes from the other end that the protocol has not read."""
@@ -75,7 +78,7 @@ class ReadingEnd(asyncio.Transport):
     def _plan_delivery(self) -> None:
         if not self._delivery_planned:
             self._delivery_planned = True
-            self._loop.call_soon(self._deliver)
+            self._loop.call_soon(self._deliver, context=self._context)
 
     def _deliver(self) -> None:
         self._delivery_planned = False
@@ -144,10 +147,18 @@ class Pipe(ReadingEnd):
 
 
 def join(
-    client: asyncio.BufferedProtocol, server: asyncio.BufferedProtocol, name: str
+    client: asyncio.BufferedProtocol,
+    server: asyncio.BufferedProtocol,
+    name: str,
+    *,
+    context: Context | None = None,
 ) -> tuple[Pipe, Pipe]:
-    """Connect two protocols with each other; return both ends."""
-    one, other = Pipe(client, name), Pipe(server, f"a client of {name}")
+    """Connect two protocols with each other; return both ends.
+
+    `context`: that of the server's program, by default the present one.
+    """
+    one = Pipe(client, name)
+    other = (context or copy_context()).run(Pipe, server, f"a client of {name}")
     one.peer, other.peer = other, one
     server.connection_made(other)
     client.connection_made(one)

@@ -39,8 +39,8 @@ _Value = TypeVar("_Value")
 
 
 @contextlib.contextmanager
-def chromium() -> Iterator[webdriver.Chrome]:
-    """Start a headless Chromium, and end it."""
+def chromium(*arguments: str) -> Iterator[webdriver.Chrome]:
+    """Start a headless Chromium with additional arguments, and end it."""
     options = webdriver.ChromeOptions()
     options.binary_location = program(
         "chromium", "chromium-browser", "google-chrome", package="chromium"
@@ -56,6 +56,7 @@ def chromium() -> Iterator[webdriver.Chrome]:
         "--disable-renderer-backgrounding",
         "--disable-backgrounding-occluded-windows",
         f"--window-size={LAPTOP[0]},{LAPTOP[1]}",
+        *arguments,
     ):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})

@@ -1,6 +1,7 @@
 """Programs in memory see each other within one event loop and domain."""
 
 import asyncio
+from contextvars import ContextVar
 
 import pytest
 
@@ -61,3 +62,26 @@ async def test_accounts_hold_in_memory_as_they_do_on_sockets():
         with pytest.raises(taskrpc.AuthenticationFailed, match="the token"):
             await theirs.create_client(Add, "add").call(ask())
         assert (await mine.create_client(Add, "steer").call(ask(1, 2))).sum == 3
+
+
+async def test_a_handler_runs_in_the_context_of_its_own_program():
+    program = ContextVar("program", default="")
+    seen = []
+
+    async def note(request, response):
+        seen.append(program.get())
+        return response
+
+    async def serve():
+        program.set("server")
+        node = taskrpc.Node("server", transport="memory", listen="server")
+        await node.start()
+        node.create_service(Add, "add", note)
+        return node
+
+    server = await asyncio.create_task(serve())
+    program.set("client")
+    async with taskrpc.Node("client", transport="memory", listen="client") as client:
+        await client.create_client(Add, "add").call(Add.Request(), timeout=5)
+    await server.destroy()
+    assert seen == ["server"]

@@ -26,8 +26,8 @@ class Lab:
         self._ports, self._count = itertools.count(1), itertools.count()
         monkeypatch.setattr(memory, "join", self._joined)
 
-    def _joined(self, client, server, name, join=memory.join):
-        ends = join(client, server, name)
+    def _joined(self, client, server, name, join=memory.join, **settings):
+        ends = join(client, server, name, **settings)
         ends[1]._extra["peername"] = (self._address, next(self._ports))
         return ends
 

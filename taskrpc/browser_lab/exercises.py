@@ -1,0 +1,91 @@
+"""What the page shows of each lab: its text, its files, and how its programs are started."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import resources
+from typing import Any
+
+import msgspec
+
+from taskrpc.labs.catalogue import LABS
+from taskrpc.labs.lab import Lab
+from taskrpc.labs.starter import starter_files
+from taskrpc.labs.variants import Variant
+
+LAST_LAB = 3
+"""The labs after this one need several processes, or faults of a real network."""
+
+
+class Sheet(msgspec.Struct, frozen=True):
+    """What the page adds to a lab."""
+
+    steps: Sequence[str]
+    """What the student does, in order; words in backquotes are code."""
+    arguments: Mapping[str, str] = {}
+    """The arguments with which the page starts programs, by file."""
+
+
+_SHEETS = {
+    1: Sheet(
+        steps=(
+            "Read `server.py`. Predict: what happens if you run it as it is?",
+            "Press Run, and compare. The lines of both programs appear below, each with the"
+            " name of its program.",
+            "Fill in steps 1 to 5 in `server.py`. Run it: now the server runs until you stop it.",
+            "Fill in steps 6 to 9 in `client.py`. The numbers in the field beside `client.py` are"
+            " its arguments.",
+            "Explain to your neighbour: who waits for whom, and which line lets the callback run?",
+            "Press Check.",
+        ),
+        arguments={"client.py": "2 3"},
+    ),
+}
+
+_PLAIN = Sheet(
+    steps=(
+        "Read the files. Predict: what happens if you run them as they are?",
+        "Press Run, and compare.",
+        "Follow the numbered comments in the files.",
+        "Explain to your neighbour what each line is for. Then press Check.",
+    )
+)
+
+
+def exercises(variant: str = "") -> list[dict[str, Any]]:
+    """Return what the page needs to know of each lab, as values of JSON."""
+    return [_exercise(lab, variant) for lab in LABS if lab.number <= LAST_LAB]
+
+
+def _exercise(lab: Lab, variant: str) -> dict[str, Any]:
+    sheet = _SHEETS.get(lab.number, _PLAIN)
+    return {
+        "number": lab.number,
+        "title": lab.title,
+        "minutes": lab.minutes,
+        "goal": lab.goal,
+        "steps": sheet.steps,
+        "variant": variant,
+        "files": _files(starter_files(lab, Variant(variant)), sheet),
+        "async_files": _files(_async_files(lab.number), sheet),
+    }
+
+
+def _async_files(number: int) -> dict[str, str]:
+    folder = resources.files("taskrpc.browser_lab") / "async_files" / f"lab{number}"
+    if not folder.is_dir():
+        return {}
+    names = sorted((file.name for file in folder.iterdir()), reverse=True)  # the server first
+    return {name: (folder / name).read_text(encoding="utf-8") for name in names}
+
+
+def _files(texts: Mapping[str, str], sheet: Sheet) -> list[dict[str, Any]]:
+    return [
+        {
+            "name": name,
+            "text": text,
+            "program": name.endswith(".py"),
+            "arguments": sheet.arguments.get(name, ""),
+        }
+        for name, text in texts.items()
+    ]

@@ -1,0 +1,42 @@
+"""`taskrpc view --lab`: serves the page on which the labs run in a browser tab."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import webbrowser
+from pathlib import Path
+
+from taskrpc.browser_lab.downloads import runtime
+from taskrpc.browser_lab.exercises import exercises
+from taskrpc.browser_lab.server import PORT, LabServer
+from taskrpc.browser_lab.site import site_files
+from taskrpc.cli.shared.command import Exit, UsageError
+
+
+def view(options: argparse.Namespace) -> int:
+    """Serve the page until Ctrl-C. Raises TaskRpcError."""
+    numbers = [exercise["number"] for exercise in exercises()]
+    if options.lab not in numbers:
+        raise UsageError(
+            f"--lab: expected one of {', '.join(map(str, numbers))}, got {options.lab};"
+            " `taskrpc lab start N` starts the other labs, outside of the browser"
+        )
+    folder = None if options.pyodide is None else Path(options.pyodide)
+    files = site_files(runtime(folder, _report), options.variant or "")
+    with LabServer(files, PORT if options.port is None else options.port) as server:
+        link = server.url if options.lab == 1 else f"{server.url}?lab={options.lab}"
+        if options.no_browser or not webbrowser.open(link):
+            print(link, flush=True)
+        _report(f"the page of the labs is at {link}; Ctrl-C ends it")
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
+        try:
+            server.serve_forever()
+        except KeyboardInterrupt:
+            return Exit.INTERRUPTED
+    return Exit.DONE
+
+
+def _report(line: str) -> None:
+    print(line, file=sys.stderr, flush=True)

@@ -1,0 +1,206 @@
+"""The labs run in a tab: programs, their errors, the checks, and a page without any network."""
+
+import functools
+import http.server
+import threading
+from pathlib import Path
+
+import pytest
+
+from taskrpc.browser_lab.downloads import runtime
+from taskrpc.browser_lab.server import LabServer
+from taskrpc.browser_lab.site import site_files, write_site
+from tests.browser.chromium import Tabs, chromium
+from tests.javascript.pyodide import archives
+
+SOLUTION = Path(__file__).parents[2] / "examples" / "labs" / "lab1" / "solution"
+NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
+
+ASYNC_SERVER = """
+import srvgen, taskrpc
+AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
+async def add(request, response):
+    response.sum = request.a + request.b
+    print(request.a, request.b, flush=True)
+    return response
+async def main():
+    async with taskrpc.Node("add_server") as node:
+        node.create_service(AddTwoInts, "add_two_ints", add)
+        await node.spin()
+taskrpc.run(main())
+"""
+
+
+class LabPage:
+    """The page in a tab."""
+
+    def __init__(self, tab):
+        self.tab = tab
+        self.waits_for_state("Ready")
+
+    def waits_for_state(self, words):
+        self.tab.wait(lambda: self.tab.text("#state") == words, f"the state {words}")
+
+    def write(self, file, text):
+        """Replace the text of a file, as a student does."""
+        self.tab.click(f'[data-file="{file}"]')
+        self.tab.run(
+            "const area = document.getElementById('code'); area.value = arguments[0];"
+            "area.dispatchEvent(new Event('input', {bubbles: true}))",
+            text,
+        )
+
+    def write_solution(self):
+        for file in ("server.py", "client.py"):
+            text = (SOLUTION / file).read_text(encoding="utf-8")
+            self.write(file, text.replace("@SERVICE@", "add_two_ints"))
+
+    def lines(self):
+        return [line.replace("\n", " ") for line in self.tab.texts("#output li")]
+
+    def waits_for_line(self, *words):
+        def found():
+            lines = self.lines()
+            return [line for line in lines if all(word in line for word in words)]
+
+        return self.tab.wait(found, f"a line with {words}")[0]
+
+    def check(self):
+        """Press Check; returns the texts of the findings."""
+        self.tab.click("#check")
+        self.tab.find("#findings .total")
+        return self.tab.texts("#findings li")
+
+
+@pytest.fixture(scope="module")
+def files():
+    return site_files(runtime(archives(), print))
+
+
+@pytest.fixture(scope="module")
+def lab_server(files):
+    with LabServer(files, 0) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+@pytest.fixture
+def page(tabs, lab_server):
+    page = LabPage(tabs.open(lab_server.url))
+    page.tab.run("localStorage.clear()")
+    yield page
+    page.tab.run("localStorage.clear()")
+
+
+def test_server_and_client_of_lab_1_run_together_and_pass_the_check(page):
+    page.write_solution()
+    page.tab.click("#run")
+    page.waits_for_line("client", "2 + 3 = 5")
+    page.waits_for_line("client", "ended")
+    page.waits_for_state("1 program runs")
+    page.tab.click("#stop")
+    page.waits_for_line("server", "ended")
+    assert page.check()[-1] == "All 5 checks passed."
+
+
+def test_a_wrong_program_gets_a_message_that_says_what_was_expected(page):
+    page.write_solution()
+    text = (SOLUTION / "server.py").read_text(encoding="utf-8").replace("@SERVICE@", "add_two_ints")
+    page.write("server.py", text.replace("        return response\n", ""))
+    findings = page.check()
+    failed = next(text for text in findings if "expected" in text)
+    assert "a response of /add_two_ints to a=2 b=3" in failed
+    assert "passed." in findings[-1]
+
+
+def test_a_traceback_shows_only_the_lines_of_the_student(page):
+    page.write("server.py", "import rclpy\n\nrclpy.create_node('a b')\n")
+    page.write("client.py", "print('fine')\n")
+    page.tab.click("#run")
+    page.waits_for_line("server", "ended with exit code 1")
+    places = [line for line in page.lines() if "File " in line]
+    assert len(places) == 1
+    assert 'File "server.py", line 3' in places[0]
+
+
+def test_an_endless_loop_can_be_stopped_and_the_page_works_on(page):
+    page.write("server.py", "print('begin', flush=True)\nwhile True:\n    pass\n")
+    page.write("client.py", "print('fine')\n")
+    page.tab.click("#run")
+    page.waits_for_line("server", "begin")
+    page.tab.click("#stop")
+    page.waits_for_line("page", "computes without ever waiting")
+    page.write("server.py", "print('again')\n")
+    page.waits_for_state("Ready")
+    page.tab.wait(lambda: page.tab.all("#run:enabled"), "Run to be enabled")
+    page.tab.click("#run")
+    page.waits_for_line("server", "again")
+
+
+def test_a_reload_keeps_the_programs_until_the_student_starts_again(page, lab_server):
+    starter = page.tab.run("return document.getElementById('code').value")
+    page.write("server.py", "# mine\n")
+    page.tab.open(lab_server.url)
+    page = LabPage(page.tab)
+    assert page.tab.run("return document.getElementById('code').value") == "# mine\n"
+    page.tab.click("#reset")
+    page.tab.click("#reset_yes")
+    assert page.tab.run("return document.getElementById('code').value") == starter
+
+
+def test_the_robot_drives_to_a_click_on_the_map(page):
+    page.tab.find("#robot:not([hidden])")
+    before = page.tab.text("#pose")
+    page.tab.run(
+        "const box = document.getElementById('map').getBoundingClientRect();"
+        "document.getElementById('map_drawing').dispatchEvent(new MouseEvent('click',"
+        " {clientX: box.x + box.width * .3, clientY: box.y + box.height * .6, bubbles: true}))"
+    )
+    page.tab.wait(lambda: page.tab.text("#pose") != before, "the robot to move")
+
+
+@pytest.mark.parametrize("theme", ["light", "dark"])
+def test_the_page_is_accessible(tabs, lab_server, theme):
+    page = LabPage(tabs.open(lab_server.url, color_scheme=theme))
+    assert page.tab.violations() == []
+
+
+def test_without_jspi_and_network_a_static_server_offers_the_asynchronous_lab(files, tmp_path):
+    write_site(tmp_path, files)
+
+    class Handler(http.server.SimpleHTTPRequestHandler):
+        def log_message(self, *_):
+            pass
+
+    handler = functools.partial(Handler, directory=str(tmp_path))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            with chromium(NO_NETWORK) as browser, Tabs(browser) as tabs:
+                page = LabPage(tabs.open(f"http://127.0.0.1:{server.server_port}/?async"))
+                assert "Chromium from version 137" in page.tab.text("#banner")
+                assert "async def main" in page.tab.run(
+                    "return document.getElementById('code').value"
+                )
+                page.write("server.py", ASYNC_SERVER)
+                starter = page.tab.run("return page.files.starter('client.py')")
+                page.write(
+                    "client.py",
+                    starter.replace(
+                        "        # 7.",
+                        "        await client.wait_for_service()\n        response = await"
+                        " client.call(AddTwoInts.Request(a=a, b=b))\n        # 7.",
+                    ),
+                )
+                page.tab.click("#run")
+                page.waits_for_line("client", "2 + 3 = 5")
+                findings = page.check()
+                assert findings[-1] == "All 5 checks passed.", findings
+                assert tabs.problems() == []
+        finally:
+            server.shutdown()
+            thread.join()

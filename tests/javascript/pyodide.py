@@ -1,0 +1,33 @@
+"""Pyodide and the packages of the labs' page, from their registries by npm and pip."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+from taskrpc.browser_lab.downloads import ARCHIVES, MSGSPEC, PYODIDE, PYYAML
+from tests.javascript.packages import FOLDER, program
+
+_ARCHIVES = FOLDER / "pyodide"
+
+
+def archives() -> Path:
+    """Return the folder with the archives; downloads them if one is missing."""
+    if all((_ARCHIVES / archive.name).is_file() for archive in ARCHIVES):
+        return _ARCHIVES
+    npm = program("npm", package="nodejs npm")
+    _ARCHIVES.mkdir(exist_ok=True)
+    pip = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", "."]
+    wheel = ["--only-binary=:all:", "--python-version=3.14", "--abi=cp314"]
+    wheel += ["--implementation=cp", "--platform=pyemscripten_2026_0_wasm32"]
+    source = ["--no-binary=:all:", "--no-build-isolation"]
+    _run([npm, "pack", PYODIDE.name.removesuffix(".tgz").replace("-", "@", 1)])
+    _run([*pip, *wheel, "==".join(MSGSPEC.name.split("-")[:2])])
+    _run([*pip, *source, "==".join(PYYAML.name.removesuffix(".tar.gz").split("-"))])
+    return _ARCHIVES
+
+
+def _run(command: list[str]) -> None:
+    done = subprocess.run(command, cwd=_ARCHIVES, capture_output=True, text=True)
+    assert done.returncode == 0, f"{command}: {done.stdout}{done.stderr}"
