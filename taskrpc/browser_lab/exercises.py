@@ -32,9 +32,10 @@ _SHEETS = {
             "Read `server.py`. Predict: what happens if you run it as it is?",
             "Press Run, and compare. The lines of both programs appear below, each with the"
             " name of its program.",
-            "Fill in steps 1 to 5 in `server.py`. Run it: now the server runs until you stop it.",
-            "Fill in steps 6 to 9 in `client.py`. The numbers in the field beside `client.py` are"
-            " its arguments.",
+            "Fill in the numbered steps in `server.py`. Run it: now the server runs until you stop"
+            " it.",
+            "Fill in the numbered steps in `client.py`. The numbers in the field beside"
+            " `client.py` are its arguments.",
             "Explain to your neighbour: who waits for whom, and which line lets the callback run?",
             "Press Check.",
         ),
