@@ -181,7 +181,7 @@ def _has_nan(points: Any) -> Any:
     found = np.zeros(len(points), dtype=bool)
     for name in points.dtype.names:
         values = points[name]
-        found |= np.isnan(values.reshape(len(points), -1)).any(axis=1)
+        found |= np.isnan(values).any(axis=tuple(range(1, values.ndim)))
     return found
 
 

@@ -47,6 +47,11 @@ def test_points_with_a_nan_and_other_fields_are_left_out(clouds, header):
     assert clouds.read_points(cloud, ["x"], uvs=[1])["x"].tolist() == [4.0]
 
 
+def test_cloud_without_points_has_none_with_a_nan(clouds, header):
+    cloud = clouds.create_cloud_xyz32(header, [])
+    assert len(clouds.read_points(cloud, skip_nans=True)) == 0
+
+
 def test_fields_of_different_types_with_padding(clouds, msg, header):
     fields = [
         msg.PointField(name="x", offset=0, datatype=msg.PointField.FLOAT64, count=1),
