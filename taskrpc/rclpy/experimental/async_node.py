@@ -125,6 +125,13 @@ class AsyncNode(BaseNode):
             " write `await node.run()`, or `async with node:`"
         )
 
+    def add_waitable(self, waitable: object) -> None:
+        """Raise TypeError: it has no actions and no other waitables."""
+        raise TypeError(
+            f"{self.get_name()} is an AsyncNode, which has no actions; create action servers and"
+            " clients on a rclpy.node.Node"
+        )
+
     def create_publisher(
         self, msg_type: type[MsgT], topic: str, qos_profile: QoSProfile | int
     ) -> AsyncPublisher[MsgT]:

@@ -6,6 +6,7 @@ import threading
 import pytest
 
 import srvgen
+from taskrpc.rclpy.action import ActionServer
 from taskrpc.rclpy.context import end_all_by_signal
 from taskrpc.rclpy.executors import SingleThreadedExecutor
 from taskrpc.rclpy.experimental import AsyncNode
@@ -147,6 +148,12 @@ async def test_it_waits_for_another_node(create):
 async def test_an_executor_refuses_it(create, context):
     with pytest.raises(TypeError, match="await node"):
         SingleThreadedExecutor(context=context).add_node(create())
+
+
+async def test_an_action_server_refuses_it(create, context):
+    fibonacci = srvgen.load("example_interfaces/action/Fibonacci")
+    with pytest.raises(TypeError, match="has no actions; create action servers and clients on a"):
+        ActionServer(create(), fibonacci, "fibonacci", nothing)
 
 
 def test_it_shares_a_base_class_with_node():
