@@ -17,6 +17,7 @@ from taskrpc.actions.states import GoalEvent, GoalState, InvalidTransition, next
 from taskrpc.errors import Code, HandlerFailed
 
 from .._impl.actions.goal_ids import shown
+from .._impl.actions.result_clock import ResultClock
 from .._impl.actions.server_parts import Profiles, ServerParts, Taken
 from .._impl.diagnostics import explain
 from .._impl.node_interface import NodeInterface
@@ -207,7 +208,8 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         goal_callback: gets the goal message and decides whether to accept; by default, always.
         handle_accepted_callback: receives each accepted goal; by default, it executes the goal.
         cancel_callback: gets the goal handle and decides whether to cancel; by default, never.
-        result_timeout: seconds for which the server keeps a result.
+        result_timeout: seconds for which the server keeps a result, in simulated time if the node
+            has it.
     """
 
     is_timer: ClassVar[bool] = True
@@ -247,6 +249,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         self._lock = threading.RLock()
         """Guards the ledger."""
         self._ledger = GoalLedger(result_timeout)
+        self._result_clock = ResultClock(node.get_clock(), self._time_advanced)
         self._goal_handles: dict[bytes, ServerGoalHandle[GoalT, ResultT, FeedbackT]] = {}
         self._result_futures: dict[bytes, Future[Any]] = {}
         self._awaiting: dict[RequestHeader, None] = {}
@@ -419,7 +422,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         """Change the state of a goal and publish the status. Raises InvalidTransition."""
         with self._lock:
             if next_state(record.state, event).is_ended:
-                self._ledger.end(record, event, time.monotonic())
+                self._ledger.end(record, event, self._result_clock.now())
             else:
                 record.change(event)
             self._publish_status()
@@ -514,6 +517,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             return
         self._handle.destroy_when_not_in_use()
         self._node.remove_waitable(self)
+        self._result_clock.close()
         for goal_handle in list(self._goal_handles.values()):
             goal_handle.destroy()
         gone = HandlerFailed(Code.UNAVAILABLE, f"the server of {self._action_name} was destroyed")
@@ -539,6 +543,8 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         if self._parts.has_work():
             return 0
         left = self._due_in()
+        if left > 0 and self._result_clock.is_simulated:
+            left = self._status_due_in()  # `_time_advanced` wakes the executor for a result
         return None if left == _NEVER else max(0, math.ceil(left / _NANOSECOND))
 
     def take_data(self) -> list[Callable[[], Any]]:
@@ -566,15 +572,24 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     def _due_in(self) -> float:
         """Seconds until a result expires, or until a status that was put off is due."""
         expiry = self._ledger.next_expiry
-        due = self._status_due if expiry is None else min(expiry, self._status_due)
-        return due - time.monotonic()
+        if expiry is None:
+            return self._status_due_in()
+        return min(expiry - self._result_clock.now(), self._status_due_in())
+
+    def _status_due_in(self) -> float:
+        return self._status_due - time.monotonic()
+
+    def _time_advanced(self) -> None:
+        """Wake the executor if a result has expired in simulated time."""
+        if self._due_in() <= 0:
+            self.notify_executor()
 
     def _on_time(self) -> None:
         """Publish a status that was put off, and forget the results that have expired."""
         with self._lock:
             if self._status_due <= time.monotonic():
                 self._publish_status()
-            self._ledger.expire(time.monotonic())
+            self._ledger.expire(self._result_clock.now())
             # The ledger also forgets results when it has too many.
             for key in [key for key in self._goal_handles if self._ledger.find(key) is None]:
                 self._goal_handles.pop(key).destroy()

@@ -9,10 +9,12 @@ from taskrpc.rclpy.action import ActionServer, CancelResponse, GoalResponse
 from taskrpc.rclpy.action import server as server_module
 from taskrpc.rclpy.action.server import ServerGoalHandle
 from taskrpc.rclpy.callback_groups import ReentrantCallbackGroup
+from taskrpc.rclpy.clock import ClockType
 from taskrpc.rclpy.exceptions import RCLError
 from taskrpc.rclpy.executors import MultiThreadedExecutor
 from taskrpc.rclpy.qos import qos_profile_system_default
 from taskrpc.rclpy.service_introspection import ServiceIntrospectionState
+from taskrpc.rclpy.time import Time
 from tests.rclpy.action.actions import (
     UUID,
     Fibonacci,
@@ -240,6 +242,19 @@ def test_another_message_with_the_fields_of_the_result_will_do():
 
     with action(execute) as pair:
         assert pair.finish(order(1)) == (GoalStatus.STATUS_SUCCEEDED, [1, 2])
+
+
+def test_a_result_expires_in_simulated_time():
+    with action(result_timeout=1000) as pair:
+        clock = pair.served.get_clock()
+        clock._set_ros_time_is_active(True)
+        clock.set_ros_time_override(Time(seconds=100, clock_type=ClockType.ROS_TIME))
+        handle = pair.send(order(5))
+        for seconds, status in ((100, 4), (1099, 4), (1101, 0)):
+            clock.set_ros_time_override(Time(seconds=seconds, clock_type=ClockType.ROS_TIME))
+            pair.world.spin_until(lambda n=status: n or not len(pair.server._ledger))
+            response = pair.world.answer(handle.get_result_async())
+            assert response.status == status
 
 
 def test_a_result_expires(capfd):
