@@ -230,7 +230,7 @@ class InvalidName(TaskRpcError, ValueError):
     Attributes:
         name: the name as given.
         index: the position of the first wrong character, counted from 0.
-        kind: `node name`, `namespace`, `service name` or `topic name`.
+        kind: `node name`, `namespace`, `service name`, `topic name` or `action name`.
         problem: the broken rule.
     """
 

@@ -8,6 +8,7 @@ import os
 from collections.abc import Callable, Coroutine
 from typing import TYPE_CHECKING, Any, Generic, Protocol
 
+from taskrpc import names
 from taskrpc.actions.goal_handle import GoalHandle
 from taskrpc.actions.goals import CancelCode
 from taskrpc.actions.messages import (
@@ -104,6 +105,7 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
     ) -> None:
         if feedback_depth < 1:
             raise ValueError(f"feedback_depth: expected at least 1, got {feedback_depth}")
+        names.check_unexpanded(action_name, "action name")
         self.action_type = action_type
         self.action_name = node.resolve_service_name(action_name)
         self._loop = asyncio.get_running_loop()
@@ -111,15 +113,15 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         self._depth = feedback_depth
         self._forget = forget
         self._messages = messages = ActionMessages(action_type)
-        names = names_of(action_name)
-        self._send = node.create_client(messages.send_goal, names.send_goal, timeout=timeout)
-        self._cancel = node.create_client(messages.cancel_goal, names.cancel_goal, timeout=timeout)
-        self._result = node.create_client(messages.get_result, names.get_result, timeout=None)
+        parts = names_of(action_name)
+        self._send = node.create_client(messages.send_goal, parts.send_goal, timeout=timeout)
+        self._cancel = node.create_client(messages.cancel_goal, parts.cancel_goal, timeout=timeout)
+        self._result = node.create_client(messages.get_result, parts.get_result, timeout=None)
         self._feedback = node.create_subscription(
-            messages.feedback, names.feedback, self._on_feedback, FEEDBACK_QOS
+            messages.feedback, parts.feedback, self._on_feedback, FEEDBACK_QOS
         )
         self._status = node.create_subscription(
-            messages.status, names.status, self._on_status, STATUS_QOS
+            messages.status, parts.status, self._on_status, STATUS_QOS
         )
         self._matched = asyncio.Event()
         """Set when the matching publishers change."""

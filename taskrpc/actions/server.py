@@ -11,6 +11,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from srvgen import excepthook
+from taskrpc import names
 from taskrpc.actions.goals import CancelCode, GoalLedger, GoalRecord, goals_to_cancel
 from taskrpc.actions.messages import (
     FEEDBACK_QOS,
@@ -115,6 +116,7 @@ class ActionServer:
     ) -> None:
         _check_settings(concurrency, result_timeout)
         check_callback(execute, f"the callback of {action_name}", ("a goal",))
+        names.check_unexpanded(action_name, "action name")
         self.action_type = action_type
         self.action_name = node.resolve_service_name(action_name)
         self.finished: asyncio.Future[None] = asyncio.get_running_loop().create_future()
@@ -146,7 +148,7 @@ class ActionServer:
         self._threads = DaemonThreads(concurrency, f"taskrpc {action_name}") if threaded else None
         self.services: list[Service | DeferredService] = []
         """The three services; they end with the action server and not before."""
-        names = names_of(action_name)
+        parts = names_of(action_name)
         try:
             # A request that is repeated after a lost response must get the first decision. By the
             # store's id, a client notices that a new server has replaced this one; it then does
@@ -154,7 +156,7 @@ class ActionServer:
             self.services.append(
                 node.create_service(
                     messages.send_goal,
-                    names.send_goal,
+                    parts.send_goal,
                     self._send_goal,
                     exactly_once=MemoryCompletions(),
                     role=role,
@@ -163,7 +165,7 @@ class ActionServer:
             self.services.append(
                 node.create_service(
                     messages.cancel_goal,
-                    names.cancel_goal,
+                    parts.cancel_goal,
                     self._cancel_goals,
                     concurrency=CANCELS,
                     idempotent=True,
@@ -172,11 +174,11 @@ class ActionServer:
             )
             self.services.append(
                 node.create_deferred_service(
-                    messages.get_result, names.get_result, self._get_result, role=Role.OBSERVE
+                    messages.get_result, parts.get_result, self._get_result, role=Role.OBSERVE
                 )
             )
-            self._feedback = node.create_publisher(messages.feedback, names.feedback, FEEDBACK_QOS)
-            self._status = node.create_publisher(messages.status, names.status, STATUS_QOS)
+            self._feedback = node.create_publisher(messages.feedback, parts.feedback, FEEDBACK_QOS)
+            self._status = node.create_publisher(messages.status, parts.status, STATUS_QOS)
         except BaseException:
             for service in self.services:
                 service.destroy()

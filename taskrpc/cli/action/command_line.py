@@ -178,7 +178,7 @@ def _type(options: argparse.Namespace) -> int:
     from srvgen.definitions.names import did_you_mean
     from taskrpc.cli.shared import quoting
 
-    name, found = quoting.expanded(options.action_name, kind="topic name"), _look(options)
+    name, found = quoting.expanded(options.action_name, kind="action name"), _look(options)
     if name not in found:
         raise hinted(NotFound(f"Unknown action '{name}'"), did_you_mean(name, found))
     return print_names(found[name].types, as_json=options.json)
@@ -188,7 +188,7 @@ def _info(options: argparse.Namespace) -> int:
     from taskrpc.cli.action.action_graph import Action
     from taskrpc.cli.shared import quoting
 
-    name = quoting.expanded(options.action_name, kind="topic name")
+    name = quoting.expanded(options.action_name, kind="action name")
     action = _look(options).get(name, Action())
     if options.json:
         import json

@@ -52,7 +52,7 @@ def chosen(text: str | None) -> list[str]:
 
 
 async def _echo(options: argparse.Namespace, wanted: list[str]) -> None:
-    name = quoting.expanded(options.action_name, kind="topic name")
+    name = quoting.expanded(options.action_name, kind="action name")
     remote = remote_of(options)
     length = None if options.full_length else options.truncate_length
     cut = Cut(length, arrays=not options.no_arr, texts=not options.no_str)

@@ -59,7 +59,7 @@ def run(plan: Plan) -> Exit:
 
 
 async def _run(plan: Plan) -> Exit:
-    name = quoting.expanded(plan.action, kind="topic name")
+    name = quoting.expanded(plan.action, kind="action name")
     if plan.type_name:
         build_request(action_type(plan.type_name).Goal, plan.values)  # before the wait
     loop = asyncio.get_running_loop()

@@ -248,3 +248,12 @@ async def test_clients_of_a_namespace_and_of_remapped_names_find_the_action():
         client = node.create_action_client(Fibonacci, "/lab/robot/fibonacci")
         assert client.action_name == "/lab/robot/fibonacci"
         assert await (await client.send_goal(order(1))).result() == result(1)
+
+
+async def test_an_invalid_name_is_called_the_name_of_an_action():
+    async with taskrpc.Node("robot", transport="memory") as node:
+        for name in ("/a b", "", "a//b"):
+            with pytest.raises(taskrpc.InvalidName, match="Invalid action name"):
+                node.create_action_client(Fibonacci, name)
+            with pytest.raises(taskrpc.InvalidName, match="Invalid action name"):
+                node.create_action_server(Fibonacci, name, echo)

@@ -80,6 +80,7 @@ def test_json_prints_one_line_for_each_message(action, run):
         ("/fibonaci --timeout 0.1", 4, "no server offers the action /fibonaci (waited 0.1 s)"),
         (f"/fibonaci {TYPE} --timeout 0.1", 4, "  hint: did you mean /fibonacci?"),
         ("/fibonacci order=1 --stdin", 2, "--stdin: expected no goal on the command line"),
+        ("/a//b", 1, "Invalid action name: action name must not contain repeated '/'"),
         ("/fibonacci --timeout x", 2, "expected seconds, or 0 or inf for no limit, got 'x'"),
     ],
 )
