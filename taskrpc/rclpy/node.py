@@ -38,6 +38,7 @@ from .publisher import Publisher
 from .qos import QoSProfile, qos_profile_rosout_default, qos_profile_services_default
 from .service import Service
 from .subscription import Subscription, SubscriptionCallback
+from .subscription_content_filter_options import ContentFilterOptions
 from .time_source import TimeSource
 from .timer import Rate, Timer
 from .type_description_service import TypeDescriptionService
@@ -362,11 +363,12 @@ class Node(BaseNode):
         event_callbacks: Any = None,
         qos_overriding_options: Any = None,
         raw: bool = False,
-        content_filter_options: Any = None,
+        content_filter_options: ContentFilterOptions | None = None,
     ) -> Subscription[MsgT]:
         """Create a subscription, which calls `callback(message)` for each message of a topic.
 
         A callback with two parameters also receives a `MessageInfo`; with `raw`, messages are CDR.
+        `content_filter_options` select messages by content; see `Subscription.set_content_filter`.
         """
         return self._rclpy_entities.create_subscription(
             msg_type,
@@ -377,6 +379,7 @@ class Node(BaseNode):
             event_callbacks,
             qos_overriding_options,
             raw,
+            content_filter_options,
         )
 
     def create_client(

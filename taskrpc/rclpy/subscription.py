@@ -5,12 +5,13 @@ from __future__ import annotations
 import inspect
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Any, Generic, Self, TypeAlias, TypedDict, TypeVar
 
 from srvgen import to_cdr
 
+from ._impl.content_filter import FilterError, Test, compile_filter
 from ._impl.execution.entity import Entity
 from ._impl.graph.endpoints import forget_profile, remember_profile
 from ._impl.node_interface import NodeInterface
@@ -18,7 +19,9 @@ from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
 from .endpoint_info import EndpointTypeEnum
 from .event_handler import Events
+from .exceptions import RCLError
 from .handle import ArrivalHandle
+from .subscription_content_filter_options import ContentFilterOptions
 
 MsgT = TypeVar("MsgT")
 
@@ -63,6 +66,7 @@ class Subscription(Entity, Generic[MsgT]):
         qos_profile: Any,
         raw: bool = False,
         events: Events | None = None,
+        content_filter_options: ContentFilterOptions | None = None,
     ) -> None:
         self.parent_node = node
         self.msg_type = msg_type
@@ -71,6 +75,9 @@ class Subscription(Entity, Generic[MsgT]):
         self.callback_group = callback_group
         self.qos_profile = qos_profile
         self.raw = raw
+        self._filter: tuple[ContentFilterOptions, Test] | None = None
+        if content_filter_options is not None and content_filter_options.filter_expression:
+            self._filter = self._compiled("create subscription", *content_filter_options)
         self.handle = SubscriptionHandle(self)
         self._events = events
         self.event_handlers = [] if events is None else events.create_handlers(self.handle)
@@ -113,8 +120,50 @@ class Subscription(Entity, Generic[MsgT]):
 
     @property
     def is_cft_enabled(self) -> bool:
-        """Whether messages are filtered by content; always False."""
-        return False
+        """Whether messages are filtered by content."""
+        self.handle.check()
+        return self._filter is not None
+
+    def set_content_filter(
+        self, filter_expression: str, expression_parameters: Sequence[str]
+    ) -> None:
+        """Receive only messages for which the expression is true, such as `data > %0`.
+
+        Each `%n` stands for a parameter. An empty expression removes the filter. Raises RCLError
+        for an invalid expression, and if there is no filter to remove.
+        """
+        self.handle.check()
+        what = "set cft expression parameters"
+        if filter_expression == "" and self._filter is None:
+            raise RCLError(f"Failed to {what}: the subscription has no content filter to remove")
+        compiled = self._compiled(what, filter_expression, expression_parameters)
+        self._filter = compiled if filter_expression else None
+
+    def get_content_filter(self) -> ContentFilterOptions:
+        """The filter. Raises RCLError without one."""
+        self.handle.check()
+        if self._filter is None:
+            raise RCLError(
+                "Failed to get cft expression parameters: the subscription has no content filter"
+            )
+        return self._filter[0]
+
+    def _compiled(
+        self, what: str, expression: str, parameters: Sequence[str]
+    ) -> tuple[ContentFilterOptions, Test]:
+        """A checked filter. Raises RCLError with `what` could not be done, or TypeError."""
+        if not isinstance(expression, str):
+            raise TypeError(f"expected a filter_expression (str), got {expression!r}")
+        given = None if isinstance(parameters, str) else parameters
+        if not (isinstance(given, Sequence) and all(isinstance(one, str) for one in given)):
+            raise TypeError(f"expected expression_parameters (list of str), got {parameters!r}")
+        options = ContentFilterOptions(expression, list(given))
+        if not expression:
+            return options, bool
+        try:
+            return options, compile_filter(expression, given, self.msg_type)
+        except FilterError as error:
+            raise RCLError(f"Failed to {what}: {error}") from None
 
     def get_publisher_count(self) -> int:
         """How many publishers match."""
@@ -137,7 +186,10 @@ class Subscription(Entity, Generic[MsgT]):
         self.parent_node.destroy_subscription(self)
 
     def _on_message(self, message: Any) -> None:
-        """Store a message; runs on the thread of the event loop."""
+        """Store a message that passes the filter; runs on the thread of the event loop."""
+        active = self._filter
+        if active is not None and not active[1](message):
+            return
         now = time.time_ns()
         self._received += 1
         info = MessageInfo(

@@ -1,4 +1,4 @@
-"""Filters by content, which only some middlewares of ROS support; taskrpc does not."""
+"""The filter of a subscription by the content of messages."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from typing import NamedTuple
 
 
 class ContentFilterOptions(NamedTuple):
-    """An expression such as `data > %0`, and its parameters."""
+    """An expression such as `data > %0`, and its parameters as texts.
+
+    See `Subscription.set_content_filter`.
+    """
 
     filter_expression: str
     expression_parameters: list[str]

@@ -5,9 +5,11 @@ import threading
 import pytest
 
 import srvgen
+from taskrpc.rclpy.exceptions import RCLError
 from taskrpc.rclpy.qos_event import SubscriptionEventCallbacks
 from taskrpc.rclpy.serialization import deserialize_message, serialize_message
 from taskrpc.rclpy.subscription import Subscription
+from taskrpc.rclpy.subscription_content_filter_options import ContentFilterOptions
 from taskrpc.rclpy.wait_for_message import wait_for_message
 from tests.rclpy.living import until
 
@@ -15,6 +17,7 @@ pytestmark = pytest.mark.real_time
 
 
 String = srvgen.load("std_msgs/msg/String")
+Int64 = srvgen.load("std_msgs/msg/Int64")
 
 
 @pytest.fixture
@@ -128,3 +131,52 @@ def test_one_message_can_be_waited_for_without_spinning(node):
     thread.join()
     assert (found, message.data) == (True, "at last")
     assert publisher.get_subscription_count() == 0
+
+
+def filtered(world, subscription, publisher, came):
+    """Publish 1 to 3; returns what the callback received."""
+    came.clear()
+    for number in (1, 2, 3):
+        publisher.publish(Int64(data=number))
+    assert publisher.wait_for_all_acked()
+    world.spin_until(lambda: bool(came) and came[-1] == 3)
+    return list(came)
+
+
+def test_a_content_filter_selects_messages_until_it_is_removed(world, node):
+    came = []
+    subscription = node.create_subscription(
+        Int64,
+        "number",
+        lambda message: came.append(message.data),
+        10,
+        content_filter_options=ContentFilterOptions("data > %0", ["1"]),
+    )
+    publisher = node.create_publisher(Int64, "number", 10)
+    assert subscription.is_cft_enabled
+    assert filtered(world, subscription, publisher, came) == [2, 3]
+    subscription.set_content_filter("data > %0", ["2"])
+    assert subscription.get_content_filter() == ContentFilterOptions("data > %0", ["2"])
+    assert filtered(world, subscription, publisher, came) == [3]
+    subscription.set_content_filter("", [])
+    assert not subscription.is_cft_enabled
+    assert filtered(world, subscription, publisher, came) == [1, 2, 3]
+
+
+def test_an_invalid_content_filter_is_refused_and_the_former_one_stays(node):
+    subscription = node.create_subscription(Int64, "number", print, 10)
+    with pytest.raises(RCLError, match="Failed to get cft expression parameters"):
+        subscription.get_content_filter()
+    with pytest.raises(RCLError, match="no content filter to remove"):
+        subscription.set_content_filter("", [])
+    subscription.set_content_filter("data > 1", [])
+    with pytest.raises(RCLError, match=r"(?s)Failed to set cft expression.*no field foo"):
+        subscription.set_content_filter("foo > 1", [])
+    for arguments in ((5, []), ("data > %0", "5"), ("data > %0", [5])):
+        with pytest.raises(TypeError, match="expected "):
+            subscription.set_content_filter(*arguments)
+    assert subscription.get_content_filter() == ContentFilterOptions("data > 1", [])
+    with pytest.raises(RCLError, match=r"(?s)Failed to create subscription.*no field foo"):
+        node.create_subscription(
+            Int64, "number", print, 10, content_filter_options=ContentFilterOptions("foo > 1", [])
+        )

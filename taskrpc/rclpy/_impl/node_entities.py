@@ -18,6 +18,7 @@ from ..publisher import Publisher
 from ..qos import QoSProfile
 from ..service import Service
 from ..subscription import Subscription, SubscriptionCallback
+from ..subscription_content_filter_options import ContentFilterOptions
 from ..timer import Rate, Timer
 from ..type_support import check_is_valid_msg_type, check_is_valid_srv_type
 from ..waitable import Waitable
@@ -83,6 +84,7 @@ class NodeEntities:
         event_callbacks: Any,
         qos_overriding_options: Any,
         raw: bool,
+        content_filter_options: ContentFilterOptions | None,
     ) -> Subscription[MsgT]:
         """As `Node.create_subscription`."""
         qos = topic_profile(qos_profile)
@@ -95,7 +97,15 @@ class NodeEntities:
         subscription: Subscription[MsgT]
         with events.kept():
             subscription = self.subscription_class(
-                node, msg_type, name, callback, group, qos, raw, events
+                node,
+                msg_type,
+                name,
+                callback,
+                group,
+                qos,
+                raw,
+                events,
+                content_filter_options,
             )
         subscription.topic = topic
         return self._added(self.subscriptions, subscription, group)

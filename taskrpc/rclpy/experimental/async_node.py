@@ -20,6 +20,7 @@ from ..node import BaseNode
 from ..qos import QoSProfile, qos_profile_services_default
 from ..service import Service
 from ..subscription import Subscription, SubscriptionCallback
+from ..subscription_content_filter_options import ContentFilterOptions
 from ..timer import Timer
 from .async_client import AsyncClient
 from .async_clock import AsyncClock
@@ -154,7 +155,7 @@ class AsyncNode(BaseNode):
         *,
         raw: bool = False,
         concurrent: bool = False,
-        content_filter_options: Any = None,
+        content_filter_options: ContentFilterOptions | None = None,
     ) -> AsyncSubscription[MsgT]:
         """Create a subscription, which calls `callback(message)` for each message of a topic.
 
@@ -162,7 +163,16 @@ class AsyncNode(BaseNode):
         """
         create = self._creating("subscription", self._rclpy_entities.create_subscription)
         created: AsyncSubscription[MsgT] = create(
-            msg_type, topic, callback, qos_profile, None, None, None, raw, concurrent=concurrent
+            msg_type,
+            topic,
+            callback,
+            qos_profile,
+            None,
+            None,
+            None,
+            raw,
+            content_filter_options,
+            concurrent=concurrent,
         )
         return created
 
