@@ -18,6 +18,8 @@ _DIGIT_PROBLEM = "topic name token must not start with a number"
 _OTHER_CHARACTER = (
     "topic name must not contain characters other than alphanumerics, '_', '~', '{', or '}'"
 )
+_OTHER_THAN_PATH = "topic name must not contain characters other than alphanumerics, '_', or '/'"
+"""The rule for names after expansion."""
 _CHARACTER_PROBLEMS = {
     "}": "topic name must not have unmatched (unbalanced) curly braces '{}'",
     "~": "topic name must not have tilde '~' unless it is the first character",
@@ -72,10 +74,15 @@ def expand(name: str, *, namespace: str = "/", node: str = "", kind: str = "serv
     return expanded
 
 
-def check_unexpanded(name: str, kind: str = "service name") -> None:
-    """Raise `InvalidName` for what no node can have, whatever `~` and `{}` mean to it."""
+def check_unexpanded(
+    name: str, kind: str = "service name", *, repeated_slashes: bool = False
+) -> None:
+    """Raise `InvalidName` for what no node can have, whatever `~` and `{}` mean to it.
+
+    With `repeated_slashes`, allow `a//b`, which ROS rejects only after the expansion.
+    """
     _refuse_if(not name, name, 0, kind, "topic name must not be empty string")
-    _check_end(name, kind)
+    _check_end(name, kind, "forward slash")
     _refuse_if(name[0] in "0123456789", name, 0, kind, _DIGIT_PROBLEM)
     index = _end_of(_WELL_FORMED, name, 0)
     if index < len(name):
@@ -84,7 +91,7 @@ def check_unexpanded(name: str, kind: str = "service name") -> None:
     alone = name.startswith("~") and name[1:2] not in ("", "/")
     problem = "topic name must not have a tilde '~' that is not followed by a forward slash '/'"
     _refuse_if(alone, name, 1, kind, problem)
-    _check_tokens(name, kind, _DIGIT_PROBLEM)
+    _check_tokens(name, kind, _DIGIT_PROBLEM, repeated_slashes=repeated_slashes)
 
 
 def check_absolute(name: str, kind: str = "service name") -> None:
@@ -131,15 +138,15 @@ def _substituted(name: str, namespace: str, node: str, kind: str) -> str:
 
 
 def _check_whole(name: str, kind: str) -> None:
-    _check_end(name, kind)
+    _check_end(name, kind, "'/'")
     if found := _NOT_PATH.search(name):
-        raise _invalid(name, found.start(), kind, _OTHER_CHARACTER)
+        raise _invalid(name, found.start(), kind, _OTHER_THAN_PATH)
     _check_tokens(name, kind, _DIGIT_PROBLEM)
     _check_length(name, _MAX_TOPIC, kind)
 
 
-def _check_end(name: str, kind: str) -> None:
-    problem = "topic name must not end with a forward slash"
+def _check_end(name: str, kind: str, slash: str) -> None:
+    problem = f"topic name must not end with a {slash}"
     _refuse_if(name.endswith("/"), name, len(name) - 1, kind, problem)
 
 
@@ -148,8 +155,10 @@ def _end_of(pattern: re.Pattern[str], name: str, start: int) -> int:
     return found.end() if found else start
 
 
-def _check_tokens(name: str, kind: str, digit_problem: str) -> None:
-    repeated = name.find("//")
+def _check_tokens(
+    name: str, kind: str, digit_problem: str, *, repeated_slashes: bool = False
+) -> None:
+    repeated = -1 if repeated_slashes else name.find("//")
     subject = kind if kind == "namespace" else "topic name"
     problem = f"{subject} must not contain repeated '/'"
     _refuse_if(repeated >= 0, name, repeated + 1, kind, problem)

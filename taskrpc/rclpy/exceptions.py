@@ -44,6 +44,10 @@ class UnknownROSArgsError(RuntimeError):
     """An option after `--ros-args` is unknown to ROS."""
 
 
+class RMWError(RuntimeError):
+    """A middleware operation fails, such as the decoding of a message."""
+
+
 class UnsupportedEventTypeError(RCLError):
     """taskrpc never reports this event."""
 
@@ -54,6 +58,7 @@ for _shown in (
     TimerCancelledError,
     NodeNameNonExistentError,
     RCLInvalidROSArgsError,
+    RMWError,
     UnknownROSArgsError,
     UnsupportedEventTypeError,
 ):

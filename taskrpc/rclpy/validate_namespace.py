@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from taskrpc import names
+from taskrpc.errors import InvalidName
 
 from ._impl.graph.names import checked
-from .exceptions import InvalidNamespaceException
 
 
 def validate_namespace(namespace: str) -> bool:
     """True for a valid absolute namespace; raises InvalidNamespaceException for any other."""
-    checked("namespace", namespace, _check)
+    checked("namespace", namespace, check_namespace)
     return True
 
 
-def _check(namespace: str) -> None:
+def check_namespace(namespace: str) -> None:
+    """Raise `InvalidName` for an invalid absolute namespace."""
     if not namespace:
-        raise InvalidNamespaceException(namespace, "namespace must not be empty", 0)
+        problem = "namespace must not be empty"
+        raise InvalidName(namespace, 0, kind="namespace", problem=problem)
     if not namespace.startswith("/"):
         problem = "namespace must be absolute, it must lead with a '/'"
-        raise InvalidNamespaceException(namespace, problem, 0)
+        raise InvalidName(namespace, 0, kind="namespace", problem=problem)
     names.check_namespace(namespace)

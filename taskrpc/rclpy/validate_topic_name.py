@@ -15,5 +15,5 @@ def validate_topic_name(name: str, *, is_service: bool = False) -> bool:
     Raises InvalidTopicNameException, or InvalidServiceNameException for a service.
     """
     kind = kind_of(is_service)
-    checked(kind, name, partial(names.check_unexpanded, kind=kind))
+    checked(kind, name, partial(names.check_unexpanded, kind=kind, repeated_slashes=True))
     return True

@@ -35,3 +35,8 @@ def test_log_directory_is_the_same_as_in_ros(monkeypatch, tmp_path):
     assert logging.get_logging_directory() == tmp_path / "other" / "log"
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "logs"))
     assert logging.get_logging_directory() == tmp_path / "logs"
+
+
+def test_the_name_of_a_child_logger_is_a_text():
+    with pytest.raises(TypeError, match=r"the name of a child logger \(str\), got 1"):
+        logging.get_logger("robot").get_child(1)

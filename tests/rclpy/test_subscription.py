@@ -5,7 +5,7 @@ import threading
 import pytest
 
 import srvgen
-from taskrpc.rclpy.exceptions import RCLError
+from taskrpc.rclpy.exceptions import RCLError, RMWError
 from taskrpc.rclpy.qos_event import SubscriptionEventCallbacks
 from taskrpc.rclpy.serialization import deserialize_message, serialize_message
 from taskrpc.rclpy.subscription import Subscription
@@ -180,3 +180,11 @@ def test_an_invalid_content_filter_is_refused_and_the_former_one_stays(node):
         node.create_subscription(
             Int64, "number", print, 10, content_filter_options=ContentFilterOptions("foo > 1", [])
         )
+
+
+@pytest.mark.parametrize("data", [b"", b"\0\1\0\0\xff\0\0\0"])
+def test_bytes_that_are_no_message_are_an_error_of_the_middleware(data):
+    with pytest.raises(RMWError, match="failed to deserialize ROS message"):
+        deserialize_message(data, String)
+    with pytest.raises(AttributeError, match="_TYPE_SUPPORT"):
+        deserialize_message(data, 5)

@@ -171,7 +171,7 @@ def test_a_name_means_this_to_a_node(name, in_robot1, in_root):
         ("~", "'~' stands for a node, and there is none here"),
         ("~/add", "'~' stands for a node, and there is none here"),
         ("a/{node}", "'{node}' stands for a node, and there is none here"),
-        ("{ns}", "service name must not end with a forward slash"),
+        ("{ns}", "service name must not end with a '/'"),
     ],
 )
 def test_substitution_without_a_value_is_refused(name, sentence):

@@ -78,6 +78,8 @@ class RcutilsLogger:
         """The logger `<this name>.<name>`; it has this logger's level unless its own is set."""
         if not name:
             raise ValueError("Child logger name must not be empty.")
+        if not isinstance(name, str):
+            raise TypeError(f"expected the name of a child logger (str), got {name!r}")
         return RcutilsLogger(f"{self.name}{output.SEPARATOR}{name}" if self.name else name)
 
     def set_level(self, level: LoggingSeverity | int) -> None:

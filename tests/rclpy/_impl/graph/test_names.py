@@ -11,7 +11,7 @@ from taskrpc.rclpy.validate_node_name import validate_node_name
 from taskrpc.rclpy.validate_topic_name import validate_topic_name
 
 
-@pytest.mark.parametrize("name", ["chatter", "{node}/chatter", "~/chatter", "{anything}/x"])
+@pytest.mark.parametrize("name", ["chatter", "{node}/chatter", "~/chatter", "{anything}/x", "a//b"])
 def test_a_relative_name_may_have_substitutions(name):
     assert validate_topic_name(name)
 
@@ -27,7 +27,8 @@ def test_a_relative_name_may_have_substitutions(name):
         (validate_topic_name, "/x?", exceptions.InvalidTopicNameException, "must not contain"),
         (validate_topic_name, "x/4t", exceptions.InvalidTopicNameException, "start with a number"),
         (validate_full_topic_name, "x", exceptions.InvalidTopicNameException, "must be absolute"),
-        (validate_full_topic_name, "/{x}", exceptions.InvalidTopicNameException, "not contain"),
+        (validate_full_topic_name, "/{x}", exceptions.InvalidTopicNameException, "'_', or '/':"),
+        (validate_full_topic_name, "/x/", exceptions.InvalidTopicNameException, "end with a '/':"),
     ],
 )
 def test_a_wrong_name_is_refused_with_its_rule(check, name, kind, text):
@@ -69,15 +70,22 @@ def test_a_name_is_expanded_for_a_node(name, namespace, whole):
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (("x", "bad?", "/ns"), "node name"),
-        (("x", "node", ""), "namespace"),
-        (("x", "node", "ns"), "namespace"),
-        (("x?", "node", "/ns"), "topic name"),
+        (("x", "bad?", "/ns"), "node name 'bad\\?' is invalid: node name must not contain"),
+        (("x", "node", ""), "node namespace '' is invalid: namespace must not be empty"),
+        (("x", "node", "ns"), "node namespace 'ns' is invalid: namespace must be absolute"),
+        (("x?", "node", "/ns"), "topic name 'x\\?' is invalid: topic name must not contain"),
         (("x/{bad}", "node", "/ns"), "unknown substitution"),
     ],
 )
 def test_what_cannot_be_expanded_is_a_value_error(arguments, text):
-    with pytest.raises(ValueError, match=text):
+    with pytest.raises(ValueError, match=text) as caught:
+        expand_topic_name(*arguments)
+    assert type(caught.value) is ValueError
+
+
+@pytest.mark.parametrize("arguments", [(5, "node", "/"), ("x", 5, "/"), ("x", "node", None)])
+def test_only_texts_are_expanded(arguments):
+    with pytest.raises(TypeError, match="expected a "):
         expand_topic_name(*arguments)
 
 
