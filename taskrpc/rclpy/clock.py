@@ -6,7 +6,7 @@ import enum
 import time as _time
 import weakref
 from collections.abc import Callable
-from typing import Any, Protocol, Self
+from typing import Any, Protocol, Self, TypedDict
 
 from ._impl.execution.wakeups import Sleep
 from .clock_type import ClockType
@@ -58,6 +58,13 @@ class JumpThreshold:
         if self.min_forward is not None and jump.delta >= self.min_forward:
             return True
         return self.min_backward is not None and jump.delta <= self.min_backward
+
+
+class TimeJumpDictionary(TypedDict):
+    """A jump as a dict, with nanoseconds, for annotations."""
+
+    clock_change: ClockChange
+    delta: int
 
 
 class TimeJump:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import enum
 import inspect
 import sys
 import threading
@@ -17,6 +18,14 @@ from typing import Any, Generic, TypeVar
 from ._impl.execution.entity import Callback, Entity, ExecutorInterface, running
 
 T = TypeVar("T")
+
+
+class FutureState(enum.Enum):
+    """The states of a future."""
+
+    PENDING = "PENDING"
+    CANCELLED = "CANCELLED"
+    FINISHED = "FINISHED"
 
 
 class Future(Generic[T]):
@@ -81,6 +90,13 @@ class Future(Generic[T]):
         if not self._done:
             self.last_poll = running.get(threading.get_ident()), time.monotonic()
         return self._done
+
+    @property
+    def _state(self) -> FutureState:
+        """Its state; a few programs read it by this name."""
+        if self._done:
+            return FutureState.FINISHED
+        return FutureState.CANCELLED if self._cancelled else FutureState.PENDING
 
     def result(self) -> T | None:
         """The result; None while it is pending. Raises the exception if it has one."""

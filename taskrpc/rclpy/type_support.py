@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 from taskrpc.message_types import Action, Msg, Srv
 
@@ -20,6 +20,54 @@ FeedbackT = TypeVar("FeedbackT")
 MsgType, SrvType = MsgT, SrvT
 SrvTypeRequest, SrvTypeResponse = SrvRequestT, SrvResponseT
 """The old names, for annotations in older programs."""
+
+
+class PyCapsule(Protocol):
+    """An object of C that ROS keeps in interface classes, for annotations."""
+
+
+class EventMessage(Msg, Protocol):
+    """A message of `rclpy.service_introspection`, the class `Event` of a service."""
+
+    info: Any
+
+
+class SendGoalServiceRequest(Msg, Protocol[GoalT]):
+    """A request that sends a goal to an action server."""
+
+    goal_id: Any
+    goal: GoalT
+
+
+class SendGoalServiceResponse(Msg, Protocol):
+    """The response to a goal."""
+
+    accepted: bool
+    stamp: Any
+
+
+class GetResultServiceRequest(Msg, Protocol):
+    """A request for the result of a goal."""
+
+    goal_id: Any
+
+
+class GetResultServiceResponse(Msg, Protocol[ResultT]):
+    """The result of a goal with its status."""
+
+    status: int
+    result: ResultT
+
+
+class FeedbackMessage(Msg, Protocol[FeedbackT]):
+    """The feedback of a goal with its id."""
+
+    goal_id: Any
+    feedback: FeedbackT
+
+
+SendGoalService: TypeAlias = Srv[Any, Any]
+GetResultService: TypeAlias = Srv[Any, Any]
 
 
 def check_for_type_support(msg_or_srv_type: Any) -> None:
@@ -72,12 +120,21 @@ def check_is_valid_action_type(action_type: Any) -> None:
 __all__ = [
     "Action",
     "ActionT",
+    "EventMessage",
+    "FeedbackMessage",
     "FeedbackT",
+    "GetResultService",
+    "GetResultServiceRequest",
+    "GetResultServiceResponse",
     "GoalT",
     "Msg",
     "MsgT",
     "MsgType",
+    "PyCapsule",
     "ResultT",
+    "SendGoalService",
+    "SendGoalServiceRequest",
+    "SendGoalServiceResponse",
     "Srv",
     "SrvRequestT",
     "SrvResponseT",

@@ -9,7 +9,7 @@ import threading
 import pytest
 
 from taskrpc.rclpy.executors import SingleThreadedExecutor
-from taskrpc.rclpy.task import Future, Task
+from taskrpc.rclpy.task import Future, FutureState, Task
 
 
 def test_a_pending_future_has_neither_result_nor_exception():
@@ -307,3 +307,11 @@ def test_task_that_calls_itself_does_not_run_twice():
     task = Task(again)
     task()
     assert calls == [True]
+
+
+def test_the_state_of_a_future_has_a_name():
+    pending, cancelled, finished = Future(), Future(), Future()
+    cancelled.cancel()
+    finished.set_result(None)
+    states = [future._state for future in (pending, cancelled, finished)]
+    assert states == [FutureState.PENDING, FutureState.CANCELLED, FutureState.FINISHED]

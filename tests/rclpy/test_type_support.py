@@ -1,5 +1,7 @@
 """Only interface classes are accepted as types."""
 
+import importlib
+
 import pytest
 
 import srvgen
@@ -48,3 +50,22 @@ def test_annotations_of_typed_programs_are_evaluated():
     assert t.Srv[t.SrvRequestT, t.SrvResponseT]
     assert t.Action[t.GoalT, t.ResultT, t.FeedbackT]
     assert list[t.Msg]
+
+
+@pytest.mark.parametrize(
+    ("module", "names"),
+    [
+        ("action.client", "SendGoalKWargs"),
+        ("clock", "TimeJumpDictionary"),
+        ("impl.rcutils_logger", "LoggingArgs LoggingFilterArgs LoggingFilterParams"),
+        ("impl.rcutils_logger", "OnceContext RcutilsLoggerContext SkipFirstContext"),
+        ("impl.rcutils_logger", "ThrottleContext"),
+        ("lifecycle.node", "CreateLifecyclePublisherArgs LifecycleNodeArgs"),
+        ("type_support", "EventMessage FeedbackMessage PyCapsule SendGoalService"),
+        ("type_support", "GetResultService GetResultServiceRequest GetResultServiceResponse"),
+        ("type_support", "SendGoalServiceRequest SendGoalServiceResponse"),
+    ],
+)
+def test_programs_can_import_the_names_for_annotations(module, names):
+    imported = importlib.import_module(f"taskrpc.rclpy.{module}")
+    assert all(hasattr(imported, name) for name in names.split())

@@ -7,7 +7,7 @@ import time
 import uuid
 import weakref
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypedDict, TypeVar
 
 from taskrpc.actions.messages import ActionMessages, bytes_of
 from taskrpc.actions.names import names_of as action_names
@@ -42,6 +42,13 @@ FeedbackT = TypeVar("FeedbackT")
 
 _POLL_INTERVAL = 0.01
 """Seconds between two checks while a program waits for a server."""
+
+
+class SendGoalKWargs(TypedDict):
+    """The options of `ActionClient.send_goal`, for annotations."""
+
+    feedback_callback: Callable[[Any], object] | None
+    goal_uuid: Any
 
 
 class ClientGoalHandle(Generic[GoalT, ResultT, FeedbackT]):

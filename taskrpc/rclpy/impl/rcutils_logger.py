@@ -19,16 +19,32 @@ from .._impl.log.filters import (
     supported_filters,
 )
 from .._impl.log.format import Record
+from .._impl.log.option_types import (
+    LoggingArgs,
+    LoggingFilterArgs,
+    LoggingFilterParams,
+    OnceContext,
+    RcutilsLoggerContext,
+    SkipFirstContext,
+    ThrottleContext,
+)
 from .logging_severity import LoggingSeverity
 
 __all__ = [
     "CallerId",
+    "LoggingArgs",
     "LoggingFilter",
+    "LoggingFilterArgs",
+    "LoggingFilterParams",
     "LoggingSeverity",
     "Once",
+    "OnceContext",
     "RcutilsLogger",
+    "RcutilsLoggerContext",
     "SkipFirst",
+    "SkipFirstContext",
     "Throttle",
+    "ThrottleContext",
     "get_filters_from_kwargs",
     "supported_filters",
 ]

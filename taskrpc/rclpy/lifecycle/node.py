@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, cast
+from typing import Any, TypedDict, cast
 
 import srvgen
 
@@ -39,6 +39,29 @@ _CALLBACKS = {
 }
 """The callback in each transition state; its result selects the next transition."""
 _EVENTS_DEPTH = 10
+
+
+class CreateLifecyclePublisherArgs(TypedDict, total=False):
+    """The options of `create_lifecycle_publisher`, for annotations."""
+
+    callback_group: CallbackGroup | None
+    event_callbacks: Any
+    qos_overriding_options: Any
+
+
+class LifecycleNodeArgs(TypedDict, total=False):
+    """The options of `LifecycleNode` that `Node` takes too, for annotations."""
+
+    context: Any
+    cli_args: list[str] | None
+    namespace: str | None
+    use_global_arguments: bool
+    enable_rosout: bool
+    start_parameter_services: bool
+    parameter_overrides: list[Any] | None
+    allow_undeclared_parameters: bool
+    automatically_declare_parameters_from_overrides: bool
+    enable_logger_service: bool
 
 
 class LifecycleNodeMixin(ManagedEntity):
