@@ -54,6 +54,9 @@ _FIXES = {
 }
 
 
+_EXPERIMENTAL = "rclpy.experimental"
+
+
 def taskrpc_only(program: Program) -> Iterator[Finding]:
     """Modules, arguments and options that ROS 2 does not have."""
     reported: set[ast.stmt] = set()
@@ -69,7 +72,25 @@ def taskrpc_only(program: Program) -> Iterator[Finding]:
     if program.imports_rclpy:
         for call in program.calls:
             yield from _unknown_arguments(program, call)
+        yield from _newer_names(program)
     yield from _json_options(program)
+
+
+def _newer_names(program: Program) -> Iterator[Finding]:
+    """Names that only the newest version of ROS 2 has."""
+    for node in ast.walk(program.tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(_EXPERIMENTAL):
+            used = any(alias.name == "AsyncNode" for alias in node.names)
+        else:
+            name = dotted(node) if isinstance(node, ast.Attribute) else ""
+            used = name == f"{_EXPERIMENTAL}.AsyncNode"
+        if used:
+            yield finding_at(
+                node,
+                "AsyncNode is used",
+                "it needs ROS 2 Lyrical or newer; older versions raise ImportError",
+                "run it on ROS 2 Lyrical, or write it with rclpy.node.Node",
+            )
 
 
 def _unknown_arguments(program: Program, call: ast.Call) -> Iterator[Finding]:

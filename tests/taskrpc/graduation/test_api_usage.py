@@ -35,6 +35,14 @@ from tests.taskrpc.graduation.sample_programs import REQUEST, SERVICE, method, p
             program(SERVICE, method("def add(self, q, r):", "r.sum = 'x'", "return r")),
             "'x' for the int64 sum",
         ),
+        (
+            program().replace("import time", "from rclpy.experimental import AsyncNode"),
+            "AsyncNode is used; it needs ROS 2 Lyrical or newer",
+        ),
+        (
+            program(main="rclpy.experimental.AsyncNode('x')"),
+            "AsyncNode is used; it needs ROS 2 Lyrical or newer",
+        ),
         (program(main="cmd = 'ros2 service list --json'"), "--json; the ros2 commands do not"),
     ],
 )
