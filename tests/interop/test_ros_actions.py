@@ -16,12 +16,12 @@ LIMIT = 120.0
 _STAMP = re.compile(r"\[\d{9,}\.\d{9}\]")
 
 
-def output(command, kind, domain):
+def output(command, program, domain, *arguments):
     """Run the program: what it printed, and the lines of its log."""
     environment = {name: value for name, value in os.environ.items() if "PYTEST" not in name}
     environment["ROS_DOMAIN_ID"] = str(domain)
     ended = subprocess.run(
-        [*command, str(PROGRAM), kind],
+        [*command, str(program), *arguments],
         env=environment,
         capture_output=True,
         text=True,
@@ -41,8 +41,8 @@ def sections(lines):
 @pytest.mark.parametrize("kind", ["single", "multi"])
 def test_a_program_with_actions_prints_the_same(ros_python, kind):
     domain = 2 * (os.getpid() % 50)
-    there, log_there = output([ros_python], kind, domain)
-    here, log_here = output([sys.executable, "-m", "taskrpc", "run"], kind, domain + 1)
+    there, log_there = output([ros_python], PROGRAM, domain, kind)
+    here, log_here = output([sys.executable, "-m", "taskrpc", "run"], PROGRAM, domain + 1, kind)
     assert len(there) > 80
     if kind == "single":
         assert here == there
