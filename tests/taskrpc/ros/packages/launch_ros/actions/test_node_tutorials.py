@@ -317,8 +317,8 @@ def generate_launch_description():
 BROADCASTER = """
 <launch>
   <arg name="target_frame" default="turtle1" description="which frame"/>
-  <node pkg="turtle_tf2_py" exec="turtle_tf2_broadcaster" name="one"/>
-  <node pkg="turtle_tf2_py" exec="turtle_tf2_broadcaster" name="two"/>
+  <node pkg="robot_state_publisher" exec="publish" name="one"/>
+  <node pkg="robot_state_publisher" exec="publish" name="two"/>
   <node pkg="demo_nodes_py" exec="talker"><param name="frame" value="$(var target_frame)"/></node>
 </launch>
 """
@@ -339,5 +339,5 @@ async def test_managing_large_projects(launched, tmp_path, monkeypatch):
     assert commands[2].startswith("run demo_nodes_py talker --ros-args --params-file ")
     picture = tmp_path / "a.rviz"
     assert commands[3] == f"run demo_nodes_py listener -d {picture} --ros-args -r __ns:=/eve"
-    missing = "taskrpc does not have 'turtle_tf2_broadcaster' of the package 'turtle_tf2_py'"
+    missing = "taskrpc does not have 'publish' of the package 'robot_state_publisher'"
     assert sum(missing in line for line in lines) == 1
