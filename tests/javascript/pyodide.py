@@ -21,7 +21,7 @@ def archives() -> Path:
     pip = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", "."]
     wheel = ["--only-binary=:all:", "--python-version=3.14", "--abi=cp314"]
     wheel += ["--implementation=cp", "--platform=pyemscripten_2026_0_wasm32"]
-    source = ["--no-binary=:all:", "--no-build-isolation"]
+    source = ["--no-binary=pyyaml"]
     _run([npm, "pack", PYODIDE.name.removesuffix(".tgz").replace("-", "@", 1)])
     _run([*pip, *wheel, "==".join(MSGSPEC.name.split("-")[:2])])
     _run([*pip, *source, "==".join(PYYAML.name.removesuffix(".tar.gz").split("-"))])
