@@ -432,6 +432,8 @@ def reason_of(error: OSError) -> str:
             return "Connection refused"
         if error.errno == errno.EADDRINUSE:
             return "Address already in use"
+        if error.errno == errno.ENOENT:
+            return "No such file or directory"
         return error.strerror or str(error)
     else:  # asyncio puts its own sentences into `strerror`
         return os.strerror(error.errno) if error.errno else str(error)

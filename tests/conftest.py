@@ -140,7 +140,9 @@ def _keep_bytecode(config):
 def pytest_asyncio_loop_factories(config, item):
     """The virtual clock by default; the machine's for `real_time` tests."""
     if item.get_closest_marker("real_time"):
-        return {"real": asyncio.SelectorEventLoop}
+        # Windows' other loop starts no processes; programs there use this one, too.
+        is_windows = sys.platform == "win32"
+        return {"real": asyncio.ProactorEventLoop if is_windows else asyncio.SelectorEventLoop}
     return {"virtual": VirtualTimeLoop}
 
 

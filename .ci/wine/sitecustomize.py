@@ -41,6 +41,9 @@ def _kill_with_keys(pid, number):
     """Deliver Ctrl-C and Ctrl-Break, which Wine sends to no other process, through events."""
     if number in _KEYS:
         event = _winapi.OpenEventW(_EVENT_MODIFY_STATE, False, _event_name(pid, number))
+        if event is None:  # no Python: such a program has no handlers, and ends
+            _kill(pid, 15)
+            return
         _winapi.SetEvent(event)
         _winapi.CloseHandle(event)
     else:

@@ -44,12 +44,15 @@ def begin(*, sigterm_is_success: bool = False) -> None:
 def start_work() -> None:
     """Let Ctrl-C raise KeyboardInterrupt, and SIGTERM SystemExit, if `begin` was called.
 
-    From here on the command has work to clean up before it ends.
+    From here on the command has work to clean up before it ends. Windows' Ctrl-Break is the same as
+    Ctrl-C, if the program handles Ctrl-C: `taskrpc launch` can send its programs only Ctrl-Break.
     """
     if signal.getsignal(signal.SIGINT) is _exit_interrupted:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGTERM) is _exit_done:
         signal.signal(signal.SIGTERM, _raise_exit)
+    if sys.platform == "win32" and signal.getsignal(signal.SIGBREAK) is signal.SIG_DFL:
+        signal.signal(signal.SIGBREAK, _interrupt)
 
 
 def end(code: int) -> int:
@@ -97,6 +100,12 @@ def output_failure() -> OSError | None:
 
 def _exit_interrupted(*_: object) -> NoReturn:
     os._exit(INTERRUPTED)
+
+
+def _interrupt(*_: object) -> None:
+    if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+        os._exit(INTERRUPTED)
+    signal.raise_signal(signal.SIGINT)
 
 
 def _exit_done(*_: object) -> NoReturn:

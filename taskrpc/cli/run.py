@@ -63,19 +63,15 @@ def _run(options: Namespace) -> int:
 
 def _run_behind(options: Namespace) -> int:
     """Run the program through the command of `--prefix`, in a new process."""
-    import shlex
     import subprocess
     import sys
 
     from srvgen.cli import process
     from taskrpc.cli.shared.command import UsageError
+    from taskrpc.ros.command_line import split_words
 
-    lexer = shlex.shlex(options.prefix, posix=True, punctuation_chars=False)
-    lexer.whitespace_split, lexer.commenters = True, ""
-    if sys.platform == "win32":
-        lexer.escape = ""  # on Windows the backslash separates folders
     try:
-        prefix = list(lexer)
+        prefix = split_words(options.prefix)
     except ValueError as error:
         raise UsageError(f"--prefix: expected a command, got {options.prefix}: {error}") from None
     program = options.rest

@@ -13,11 +13,16 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
-_CHUNK = 2**16
+from taskrpc.ros.command_line import startable
+
 _DRAIN = 0.2
-"""Seconds to read what a program wrote before its end, if a descendant keeps its pipes open."""
+"""Seconds without output after a program's end until a descendant that keeps its pipes open is
+not waited for."""
+_DRAINS = 10
+"""How often `_DRAIN` is waited while output still arrives."""
 _POLL = 0.05
 _LAST_WAIT = 2.0
 """Seconds that descendants have to end after SIGTERM, once their program is gone."""
@@ -26,11 +31,10 @@ _LAST_WAIT = 2.0
 class ProcessTree:
     """A program and the processes that it starts; create it with `start`."""
 
-    def __init__(self, process: asyncio.subprocess.Process) -> None:
-        self._process = process
-        self._readers: list[asyncio.Task[None]] = []
-        self._stdin = -1
-        """The open end of the program's standard input: it waits, as in ROS, and gets no end."""
+    def __init__(self, program: _Program, transports: list[asyncio.BaseTransport]) -> None:
+        self._program = program
+        self._transports = transports
+        """What is closed when the program has ended: the program's own transport is the first."""
 
     @classmethod
     async def start(
@@ -49,57 +53,61 @@ class ProcessTree:
             on_output: gets 1 or 2 for the stream, and what the program has written to it.
             has_terminal: let the program write to terminals instead of pipes, where there are any.
         """
-        # Pipes of asyncio would let `wait` wait for descendants that keep them open.
-        outer, inner = _streams(has_terminal)
-        options: dict[str, Any] = {
-            **_own_group(),
-            **dict(zip(("stdin", "stdout", "stderr"), inner, strict=True)),
-            "cwd": cwd,
-            "env": env,
-        }
+        loop = asyncio.get_running_loop()
+        program = _Program(on_output)
+        ours, its = _terminals() if has_terminal else ([], [])
+        outputs: dict[str, Any] = dict(zip(("stdout", "stderr"), its, strict=False))
+        options = {**_own_group(), **outputs, "cwd": cwd, "env": env}
         try:
             if isinstance(command, str):
-                process = await asyncio.create_subprocess_shell(command, **options)
+                transport, _ = await loop.subprocess_shell(lambda: program, command, **options)
             else:
-                process = await asyncio.create_subprocess_exec(*command, **options)
-        except OSError:
-            _close(outer)
+                words = startable(command, env)
+                transport, _ = await loop.subprocess_exec(lambda: program, *words, **options)
+        except BaseException:
+            _close(ours)
             raise
         finally:
-            _close(inner if outer else [])
-        tree = cls(process)
-        streams = [process.stdout, process.stderr]
-        if outer:
-            tree._stdin, *outputs = outer
-            streams = [await _reader_of(output) for output in outputs]
-        tree._readers = [
-            asyncio.ensure_future(_read(stream, number, on_output))
-            for number, stream in enumerate(streams, start=1)
-            if stream is not None
-        ]
+            _close(its)
+        tree = cls(program, [transport])
+        for number, descriptor in enumerate(ours, start=1):
+            opened, _ = await loop.connect_read_pipe(
+                partial(_Terminal, program, number), os.fdopen(descriptor, "rb", 0)
+            )
+            tree._transports.append(opened)
+        loop.call_soon(program.begin)  # the caller gets the tree before the output
         return tree
 
     @property
     def pid(self) -> int:
         """The process id of the program."""
-        return self._process.pid
+        return self._program.pid
 
     @property
     def returncode(self) -> int | None:
         """The program's exit code, negative after a signal; None while it runs."""
-        return self._process.returncode
+        return self._program.returncode
 
     async def wait(self) -> int:
-        """Wait for the end of the program and of its output; returns the exit code."""
-        code = await self._process.wait()
-        if self._readers:
-            _, unfinished = await asyncio.wait(self._readers, timeout=_DRAIN)
-            for each in unfinished:
-                each.cancel()
-        if self._stdin >= 0:
-            os.close(self._stdin)
-            self._stdin = -1
-        return code
+        """Wait for the end of the program and of its output; returns the exit code.
+
+        If this is cancelled, the program is killed.
+        """
+        program = self._program
+        program.begin()
+        try:
+            await program.ended.wait()
+            for _ in range(_DRAINS):
+                seen = program.received
+                with contextlib.suppress(TimeoutError):
+                    await asyncio.wait_for(program.all_read.wait(), _DRAIN)
+                if program.received == seen:
+                    break
+        finally:
+            for each in self._transports:
+                each.close()
+        assert program.returncode is not None
+        return program.returncode
 
     def send_signal(self, number: int) -> None:
         """Send a signal to the program and its descendants, if there are any left."""
@@ -108,7 +116,7 @@ class ProcessTree:
                 if number == signal.SIGINT and self.returncode is None:
                     os.kill(self.pid, signal.CTRL_BREAK_EVENT)
                 elif self.returncode is None:
-                    self._process.terminate()
+                    self._program.terminate()
         else:
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.pid, number)
@@ -147,35 +155,85 @@ class ProcessTree:
         self.kill()
 
 
-async def _read(
-    stream: asyncio.StreamReader, number: int, on_output: Callable[[int, bytes], None]
-) -> None:
-    with contextlib.suppress(OSError):  # a terminal's end is an error on Linux
-        while data := await stream.read(_CHUNK):
-            on_output(number, data)
+class _Program(asyncio.SubprocessProtocol):
+    """What asyncio reports of one program: its output and its end.
+
+    asyncio's own `Process.wait` also waits for descendants that keep the pipes open.
+    """
+
+    def __init__(self, on_output: Callable[[int, bytes], None]) -> None:
+        self._on_output = on_output
+        self._transport: asyncio.SubprocessTransport | None = None
+        self._open = {1, 2}
+        self._early: list[tuple[int, bytes]] | None = []
+        """Output that arrived before `begin`; None afterwards."""
+        self.pid = 0
+        self.returncode: int | None = None
+        self.received = 0
+        """The bytes of output so far."""
+        self.ended = asyncio.Event()
+        self.all_read = asyncio.Event()
+        """Set at the end of both streams."""
+
+    def begin(self) -> None:
+        """Begin to pass the output on; a second call does nothing."""
+        early, self._early = self._early or (), None
+        for each in early:
+            self._on_output(*each)
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.SubprocessTransport)
+        self._transport = transport
+        self.pid = transport.get_pid()
+
+    def pipe_data_received(self, fd: int, data: bytes) -> None:
+        self.received += len(data)
+        if self._early is None:
+            self._on_output(fd, data)
+        else:
+            self._early.append((fd, data))
+
+    def pipe_connection_lost(self, fd: int, exc: Exception | None) -> None:
+        self._open.discard(fd)
+        if not self._open:
+            self.all_read.set()
+
+    def process_exited(self) -> None:
+        assert self._transport is not None
+        self.returncode = self._transport.get_returncode()
+        self.ended.set()
+
+    def terminate(self) -> None:
+        assert self._transport is not None
+        self._transport.terminate()
 
 
-def _streams(has_terminal: bool) -> tuple[list[int], list[int]]:
-    """Our ends of the three streams, and the program's; on Windows only the latter: pipes."""
+class _Terminal(asyncio.Protocol):
+    """Passes to a program what arrives from one of its terminals."""
+
+    def __init__(self, program: _Program, number: int) -> None:
+        self._program = program
+        self._number = number
+
+    def data_received(self, data: bytes) -> None:
+        self._program.pipe_data_received(self._number, data)
+
+    def connection_lost(self, exc: Exception | None) -> None:  # an error on Linux, too
+        self._program.pipe_connection_lost(self._number, exc)
+
+
+def _terminals() -> tuple[list[int], list[int]]:
+    """Our ends of two terminals and the program's, for its output; Windows has none."""
     if sys.platform == "win32":
-        return [], [subprocess.PIPE] * 3
+        return [], []
     else:
-        stdin, ours = os.pipe()
-        pairs = [os.openpty() if has_terminal else os.pipe() for _ in range(2)]
-        return [ours, *(one for one, _ in pairs)], [stdin, *(other for _, other in pairs)]
+        pairs = [os.openpty() for _ in range(2)]
+        return [one for one, _ in pairs], [other for _, other in pairs]
 
 
 def _close(descriptors: list[int]) -> None:
     for each in descriptors:
         os.close(each)
-
-
-async def _reader_of(descriptor: int) -> asyncio.StreamReader:
-    reader = asyncio.StreamReader()
-    await asyncio.get_running_loop().connect_read_pipe(
-        lambda: asyncio.StreamReaderProtocol(reader), os.fdopen(descriptor, "rb", 0)
-    )
-    return reader
 
 
 def _own_group() -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """`taskrpc launch` finds launch files, shows what they do, and starts their programs."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -70,7 +71,7 @@ def test_arguments_and_description_are_shown(launch):
     )
     code, out, _ = launch("src/my_robot/launch/robot.launch.py", "--print")
     assert code == 0
-    assert "├── LogInfo('speed ' + LaunchConfig('speed'))\n" in out
+    assert "── LogInfo('speed ' + LaunchConfig('speed'))\n" in out.replace("\\u2500", "─")
 
 
 def test_missing_package_or_file_is_one_line(launch):
@@ -150,3 +151,18 @@ def test_ctrl_c_ends_all_programs(tmp_path, monkeypatch):
     assert process.returncode == 130
     assert "[WARNING] [launch]: user interrupted with ctrl-c (SIGINT)\n" in out
     assert "[ERROR] [p-1]: process has died [pid " in out
+
+
+@pytest.mark.skipif(sys.platform != "win32", reason="only Windows has Ctrl-Break")
+def test_ctrl_break_ends_nodes_as_ctrl_c_does(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
+    path = tmp_path / "a.launch.xml"
+    path.write_text('<launch><node pkg="demo_nodes_py" exec="talker" output="screen"/></launch>')
+    group = subprocess.CREATE_NEW_PROCESS_GROUP
+    command = [sys.executable, "-m", "taskrpc", "launch", str(path)]
+    with subprocess.Popen(command, stdout=-1, text=True, creationflags=group) as process:
+        while "Publishing" not in process.stdout.readline():
+            pass
+        os.kill(process.pid, signal.CTRL_BREAK_EVENT)
+        out, _ = process.communicate(timeout=60)
+    assert "[INFO] [talker-1]: process has finished cleanly [pid " in out

@@ -4,15 +4,13 @@ import asyncio
 import os
 import signal
 import sys
+import time
 
 import pytest
 
 from taskrpc.ros.process_tree import ProcessTree
 
-pytestmark = [
-    pytest.mark.real_time,
-    pytest.mark.skipif(sys.platform == "win32", reason="a job object does this there"),
-]
+pytestmark = pytest.mark.real_time
 
 PARENT = """
 import signal, subprocess, sys, time
@@ -23,6 +21,7 @@ time.sleep(600)
 """
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="a job object does this there")
 async def test_signals_reach_descendants_and_none_is_left():
     said = asyncio.Event()
     tree = await ProcessTree.start([sys.executable, "-c", PARENT], lambda stream, data: said.set())
@@ -32,6 +31,20 @@ async def test_signals_reach_descendants_and_none_is_left():
     assert tree.has_processes()
     await tree.end_descendants()
     assert not tree.has_processes()
+
+
+async def test_end_is_seen_while_a_descendant_keeps_the_output_open():
+    child = "import os, time; print(os.getpid(), flush=True); time.sleep(600)"
+    code = f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', {child!r}]); input()"
+    said = []
+    tree = await ProcessTree.start(
+        [sys.executable, "-c", code], lambda stream, data: said.append(data)
+    )
+    while not said:
+        await asyncio.sleep(0.01)
+    os.kill(tree.pid, signal.SIGTERM)
+    await asyncio.wait_for(tree.wait(), 60)
+    os.kill(int(said[0]), signal.SIGTERM)
 
 
 async def test_output_has_its_stream_and_files_are_closed():
@@ -49,6 +62,17 @@ async def test_output_has_its_stream_and_files_are_closed():
     await asyncio.sleep(0)
     if before:
         assert len(os.listdir("/proc/self/fd")) <= before
+
+
+async def test_caller_gets_the_tree_before_the_output():
+    order = []
+    for _ in range(2):
+        command = [sys.executable, "-c", "print(1)"]
+        tree = await ProcessTree.start(command, lambda stream, data: order.append("output"))
+        order.append("started")
+        time.sleep(0.05)  # the program ends before the event loop runs again
+        await tree.wait()
+    assert order == ["started", "output"] * 2
 
 
 async def test_missing_program_raises_and_leaves_no_file_open():

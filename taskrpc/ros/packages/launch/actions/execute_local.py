@@ -281,9 +281,7 @@ class ExecuteLocal(Action):
 
     def _received(self, context: LaunchContext, stream: int, data: bytes) -> None:
         assert self._details is not None
-        # One event loop step, so `pid` may not be known yet: the program was started just now.
-        details = {"pid": 0, **self._details}
-        context.emit_event_sync(_KINDS[stream](text=data, **details))
+        context.emit_event_sync(_KINDS[stream](text=data, **self._details))
         *lines, rest = (self._begun.get(stream, b"") + data).split(b"\n")
         self._begun[stream] = rest
         for line in lines:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
-import shlex
 from collections.abc import Iterable, Mapping
 from pathlib import PurePath
 from typing import Any
+
+from taskrpc.ros.command_line import split_words
 
 from ..launch_context import LaunchContext
 from ..some_substitutions_type import SomeSubstitutionsType
@@ -126,6 +126,6 @@ def _text(value: Any) -> Any:
 def _split(text: str) -> list[str]:
     """Split a command line as a shell does."""
     try:
-        return shlex.split(text, posix=os.name != "nt")
+        return split_words(text)
     except ValueError:  # a quote that only the shell's rules close
         return text.split()

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
-import shlex
 from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any
+
+from taskrpc.ros.command_line import split_words
 
 from .. import substitutions as s
 from ..action import Action
@@ -213,7 +213,7 @@ def split(parts: Iterable[Substitution]) -> list[list[Substitution]]:
 def _pieces(value: str) -> list[str]:
     """The words of a plain text; "" at its start or end means that it begins or ends a word."""
     try:
-        found = shlex.split(value, posix=os.name != "nt")
+        found = split_words(value)
     except ValueError:
         found = value.split()
     front = [""] if value[:1].isspace() else []

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib
-import os
-import shlex
 import shutil
 import subprocess
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
+
+from taskrpc.ros.command_line import split_words, startable
 
 from ..launch_context import LaunchContext
 from ..logging import get_logger
@@ -94,11 +94,12 @@ class Command(Substitution):
         """Run the command; raises SubstitutionFailure if it fails."""
         line = perform_substitutions(context, self._command)
         on_stderr = perform_substitutions(context, self._on_stderr)
-        words = shlex.split(line, posix=os.name != "nt")
+        words = split_words(line)
         join = subprocess.STDOUT if on_stderr == "capture" else subprocess.PIPE
         try:
+            command = startable(words, None)
             done = subprocess.run(
-                words, stdout=subprocess.PIPE, stderr=join, text=True, check=False
+                command, stdout=subprocess.PIPE, stderr=join, text=True, check=False
             )
         except (OSError, IndexError):
             name = words[0] if words else line
