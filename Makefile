@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install test faults browser interop pictures postgres soak mutants lint types layers windows check format demo bench clean
+.PHONY: install test faults browser interop pictures site postgres soak mutants lint types layers windows check format demo bench clean
 
 install:
 	$(PYTHON) -m venv $(VENV)
@@ -23,6 +23,10 @@ browser:
 pictures:
 	$(BIN)/pip install --quiet --editable '.[dev,browser]'
 	$(BIN)/python docs/pictures/make.py
+
+site:
+	$(BIN)/pip install --quiet --editable '.[docs]'
+	$(BIN)/python docs/site/make.py build/site
 
 interop:
 	$(BIN)/pip install --quiet --editable '.[dev,interop]'

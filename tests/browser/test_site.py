@@ -1,0 +1,49 @@
+"""The documentation site opens from a folder, finds words, and loads only its own files."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.browser.chromium import PHONE, Tabs
+
+ROOT = Path(__file__).parents[2]
+PAGES = ("index.html", "docs/explanation/silence.html", "docs/reference/api/taskrpc.html")
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory) -> Path:
+    """Build the site once."""
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, str(ROOT / "docs" / "site" / "make.py"), str(folder)]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return folder
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_a_page_loads_only_files_of_the_site(tabs: Tabs, site: Path, page: str):
+    tab = tabs.open((site / page).as_uri())
+    assert "taskrpc" in tab.text(".md-header__title")
+    script = """
+        return [...document.querySelectorAll("script[src], link[rel=stylesheet], img, source")]
+            .map(e => e.src || e.href || e.srcset)
+    """
+    loaded = [each for each in tab.run(script) if each.startswith(("http:", "https:", "//"))]
+    assert not loaded
+
+
+def test_the_search_works_without_a_server(tabs: Tabs, site: Path):
+    tab = tabs.open((site / "docs" / "index.html").as_uri())
+    tab.click(".md-search__input")
+    tab.keys("deadlock")
+    titles = tab.wait(lambda: tab.texts(".md-search-result__item h1"), "results of the search")
+    assert "Where ROS 2 hangs in silence" in titles
+
+
+def test_a_page_fits_on_a_phone(tabs: Tabs, site: Path):
+    tab = tabs.open((site / PAGES[1]).as_uri(), size=PHONE)
+    assert tab.run("return document.documentElement.scrollWidth") <= PHONE[0]
