@@ -24,6 +24,9 @@ class Program(Protocol):
     async def finished(self, timeout: float) -> int | None:
         """Wait for the end of the program; its exit code, or None after the timeout."""
 
+    async def interrupt(self) -> None:
+        """Press Ctrl-C; `finished` says whether the program reacts."""
+
     async def stop(self) -> None:
         """End the program as Ctrl-C does, or at once if it does not react."""
 
@@ -45,6 +48,9 @@ class Trial(Protocol):
 
     async def start(self, file: str, *arguments: str) -> Program:
         """Start a program of the submission; raises NotMet if the file is missing."""
+
+    def time(self) -> float:
+        """Return the seconds since a moment in the past."""
 
     async def sleep(self, seconds: float) -> None:
         """Wait."""

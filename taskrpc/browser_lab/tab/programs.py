@@ -148,11 +148,15 @@ class Program:
             return None
         return self.exit_code
 
+    async def interrupt(self) -> None:
+        """Press Ctrl-C."""
+        self._interrupt(KeyboardInterrupt())
+
     async def stop(self) -> None:
         """End the program as Ctrl-C does, or at once if it does not react."""
         if self.exit_code is not None:
             return
-        self._interrupt(KeyboardInterrupt())
+        await self.interrupt()
         if await self.finished(_GRACE) is None:
             self._interrupt(SystemExit())
             await self.finished(_GRACE)

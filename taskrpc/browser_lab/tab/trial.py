@@ -7,6 +7,7 @@ import contextlib
 import itertools
 import os
 import random
+import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -39,6 +40,10 @@ class TabTrial:
         program = self._programs.start(file, *arguments)
         self._started.append(program)
         return program
+
+    def time(self) -> float:
+        """Return the seconds since a moment in the past."""
+        return time.monotonic()
 
     async def sleep(self, seconds: float) -> None:
         """Wait."""

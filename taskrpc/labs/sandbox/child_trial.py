@@ -11,6 +11,7 @@ import shutil
 import signal
 import sys
 import tempfile
+import time
 from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 
@@ -64,11 +65,16 @@ class ChildProgram:
         await asyncio.wait([self._end], timeout=timeout)
         return self._end.result() if self._end.done() else None
 
+    async def interrupt(self) -> None:
+        """Press Ctrl-C."""
+        assert self._tree is not None
+        self._tree.send_signal(signal.SIGINT)
+
     async def stop(self) -> None:
         """End the program as Ctrl-C does, or at once if it does not react."""
         assert self._tree is not None
         if await self.finished(0.0) is None:
-            self._tree.send_signal(signal.SIGINT)
+            await self.interrupt()
             if await self.finished(_END) is None:
                 self._tree.kill()
         await self._tree.end_descendants()
@@ -117,6 +123,10 @@ class ChildTrial:
         await program.run(command, self._folder, dict(os.environ))
         self._programs.append(program)
         return program
+
+    def time(self) -> float:
+        """Return the seconds since a moment in the past."""
+        return time.monotonic()
 
     async def sleep(self, seconds: float) -> None:
         """Wait."""

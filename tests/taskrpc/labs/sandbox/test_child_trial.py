@@ -32,3 +32,22 @@ async def test_programs_end_with_the_trial(tmp_path):
         program = await trial.start("server.py")
         await program.wait_for_line("on", 10)
     assert await program.finished(0) is not None
+
+
+async def test_ctrl_c_reaches_the_program(tmp_path):
+    code = """
+import time
+try:
+    print("on", flush=True)
+    time.sleep(600)
+except KeyboardInterrupt:
+    raise SystemExit(7)
+"""
+    (tmp_path / "server.py").write_text(code)
+    async with child_trial(tmp_path, Variant()) as trial:
+        program = await trial.start("server.py")
+        await program.wait_for_line("on", 10)
+        before = trial.time()
+        await program.interrupt()
+        assert await program.finished(10) == 7
+        assert trial.time() > before
