@@ -37,6 +37,9 @@ KINDS = {
 }
 """`tests/browser` runs `html`, `tests/interop` runs `javascript`."""
 
+LAB_SHEETS = [page for page in PAGES if re.fullmatch(r"lab-\d\.md", page.name)]
+"""`tests/labs/test_sheets.py` runs their blocks: they need the solution, and take longer."""
+
 NOT_RUN = {
     "README.md": 2,
     "CONTRIBUTING.md": 1,
@@ -79,7 +82,7 @@ def played(request, tmp_path_factory) -> Iterator[dict[Path, Future[None]]]:
 
 
 @pytest.mark.real_time
-@every_page
+@pytest.mark.parametrize("page", [page for page in PAGES if page not in LAB_SHEETS], ids=_name)
 def test_code_blocks_of_a_page_give_the_output_that_it_shows(page, played):
     if problem := played[page].exception():
         pytest.fail(str(problem), pytrace=False)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 _FENCE = re.compile(r"^```(\w*)\s*$")
 _FILE = re.compile(r"^`([^`\s]+\.\w+)`(?:\s*[:,].*)?$")
-_NOTE = re.compile(r"^<!--\s*(not run|terminal|started|wrong|exits):?\s*(.*?)\s*-->$")
+_NOTE = re.compile(r"^<!--\s*(not run|terminal|started|wrong|exits|finished):?\s*(.*?)\s*-->$")
 _LINK = re.compile(r"(?<!!)\[[^\]]*\]\(([^)\s]+)\)")
 _INLINE = re.compile(r"`([^`\n]+)`")
 

@@ -1,58 +1,77 @@
 """Each solution passes its lab, and each wrong submission gets the message that explains it."""
 
+import dataclasses
 import re
-from pathlib import Path
 
 import pytest
 
 from taskrpc.labs.catalogue import LABS, lab
 from taskrpc.labs.grading import findings
 from taskrpc.labs.sandbox.child_trial import child_trial
-from taskrpc.labs.starter import filled, write_starter
 from taskrpc.labs.variants import Variant
+from tests.labs.submissions import LECTURERS, hidden_checks, solution_of, submission
 
 pytestmark = [pytest.mark.labs, pytest.mark.real_time]
-LECTURERS = Path(__file__).parents[2] / "examples" / "labs"
 WRONG = sorted(LECTURERS.glob("lab*/wrong/*"))
+PASSES_WITHOUT_HIDDEN_CHECKS = sorted(LECTURERS.glob("lab*/hidden_wrong/*"))
 _MESSAGE = re.compile(r"# The check says: (.*)")
 
 
-def submission(number, source, folder, variant):
-    """Write the files of a solution, or those that a wrong submission changes, for a variant."""
-    write_starter(lab(number), variant, folder)
-    solution = LECTURERS / f"lab{number}" / "solution"
-    values = lab(number).values(variant)
-    for place in [solution, source]:
-        for path in (each for each in sorted(place.rglob("*")) if each.is_file()):
-            target = folder / filled(path.relative_to(place).as_posix(), values)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(filled(path.read_text(encoding="utf-8"), values), encoding="utf-8")
+def with_hidden_checks(number):
+    return dataclasses.replace(lab(number), checks=hidden_checks(number))
 
 
-async def found(number, folder, variant):
-    return [each async for each in findings(lab(number), lambda: child_trial(folder, variant))]
+async def problems(chosen, folder, variant):
+    """Return the checks that failed, each with its problem."""
+    trial = lambda: child_trial(folder, variant)  # noqa: E731
+    results = [each async for each in findings(chosen, trial)]
+    return [(each.check.title, each.problem) for each in results if not each.passed]
+
+
+def expected_message(source):
+    """Return what the checks must say of a wrong submission."""
+    files = sorted(path for path in source.rglob("*") if path.is_file())
+    found = [_MESSAGE.search(path.read_text(encoding="utf-8")) for path in files]
+    assert any(found), f"{source} has no line `# The check says: ...`"
+    return next(each[1] for each in found if each)
+
+
+def number_of(source):
+    return int(source.parts[-3].removeprefix("lab"))
+
+
+def name_of(source):
+    return f"{source.parts[-3]}-{source.name}"
 
 
 @pytest.mark.parametrize("id", ["", "ada"])
 @pytest.mark.parametrize("each", LABS, ids=lambda each: f"lab{each.number}")
 async def test_solution_passes(each, id, tmp_path):
-    submission(each.number, LECTURERS / f"lab{each.number}" / "solution", tmp_path, Variant(id))
-    results = await found(each.number, tmp_path, Variant(id))
-    assert [(one.check.title, one.problem) for one in results if not one.passed] == []
+    submission(each.number, solution_of(each.number), tmp_path, Variant(id))
+    assert await problems(each, tmp_path, Variant(id)) == []
 
 
-@pytest.mark.parametrize("wrong", WRONG, ids=lambda path: f"{path.parts[-3]}-{path.name}")
+@pytest.mark.parametrize("each", LABS, ids=lambda each: f"lab{each.number}")
+async def test_solution_passes_the_hidden_checks(each, tmp_path):
+    submission(each.number, solution_of(each.number), tmp_path, Variant("grace"))
+    hidden = with_hidden_checks(each.number)
+    assert await problems(hidden, tmp_path, Variant("grace")) == []
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=name_of)
 async def test_wrong_submission_gets_its_message(wrong, tmp_path):
-    number = int(wrong.parts[-3].removeprefix("lab"))
+    number = number_of(wrong)
     submission(number, wrong, tmp_path, Variant("grace"))
-    results = await found(number, tmp_path, Variant("grace"))
-    problem = next((one.problem for one in results if one.problem), None)
-    assert problem is not None, "the checks accept it"
-    expected = [
-        line[1]
-        for path in sorted(wrong.rglob("*"))
-        if path.is_file()
-        for line in _MESSAGE.finditer(path.read_text(encoding="utf-8"))
-    ]
-    assert expected, f"{wrong} has no line `# The check says: ...`"
-    assert expected[0] in str(problem)
+    found = await problems(lab(number), tmp_path, Variant("grace"))
+    assert found, "the checks accept it"
+    assert expected_message(wrong) in str(found[0][1])
+
+
+@pytest.mark.parametrize("wrong", PASSES_WITHOUT_HIDDEN_CHECKS, ids=name_of)
+async def test_hidden_checks_find_what_the_public_ones_accept(wrong, tmp_path):
+    number = number_of(wrong)
+    submission(number, wrong, tmp_path, Variant("grace"))
+    assert await problems(lab(number), tmp_path, Variant("grace")) == []
+    found = await problems(with_hidden_checks(number), tmp_path, Variant("grace"))
+    assert found, "the hidden checks accept it"
+    assert expected_message(wrong) in f"{found[0][0]}: {found[0][1]}"

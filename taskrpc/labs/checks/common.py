@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from typing import Any
 
 import taskrpc
@@ -14,6 +15,11 @@ STARTED = 10.0
 """Seconds that a program of a submission has to offer its service."""
 ANSWERED = 5.0
 """Seconds that a service of a submission has to answer."""
+_LOOK = 0.2  # seconds between two looks at the graph
+_OFFERS_ALL = 2.0  # seconds in which a program that offers a service offers all of them
+_OF_EVERY_NODE = re.compile(
+    "/_|parameter|/get_type_description$|/get_logger_levels$|/set_logger_levels$"
+)
 
 
 async def service_of(
@@ -23,19 +29,23 @@ async def service_of(
     client = trial.node.create_client(srv_type, name)
     waiting = asyncio.ensure_future(client.wait_for_service(timeout=STARTED))
     ending = asyncio.ensure_future(program.finished(timeout=STARTED))
-    await asyncio.wait([waiting, ending], return_when=asyncio.FIRST_COMPLETED)
+    elsewhere = asyncio.ensure_future(_offers_only_others(trial))
+    each = [waiting, ending, elsewhere]
+    await asyncio.wait(each, return_when=asyncio.FIRST_COMPLETED)
+    is_there = waiting.done() and waiting.result()
     code = ending.result() if ending.done() else None
-    ending.cancel()
-    if code is not None and not waiting.done():
-        waiting.cancel()
-    elif await waiting:
+    for task in each:
+        task.cancel()
+    if is_there:
         return client
     expected = f"the program to offer the service {name}"
     if code is not None:
         raise NotMet(
             expected,
             ended(program, code),
-            "what does main() have to do after the node is created? See the last line too",
+            "what does main() have to do after the node is created?"
+            if code == 0
+            else "start the program with `taskrpc run` and read its last lines",
         )
     if names := " and ".join(await offered_services(trial)):
         raise NotMet(expected, f"it offers {names}", "compare name and type in create_service")
@@ -46,6 +56,15 @@ async def service_of(
     )
 
 
+async def _offers_only_others(trial: Trial) -> None:
+    """Wait until the submission has offered other services than the expected one for a while."""
+    for _ in range(int(STARTED / _LOOK)):
+        if await offered_services(trial):
+            break
+        await asyncio.sleep(_LOOK)
+    await asyncio.sleep(_OFFERS_ALL)
+
+
 async def offered_services(trial: Trial) -> list[str]:
     """Return the services of the submission's programs, each as `/name (type)`."""
     own = trial.node.get_fully_qualified_name()
@@ -53,8 +72,26 @@ async def offered_services(trial: Trial) -> list[str]:
         f"{service.name} ({service.type_name})"
         for entry in await trial.node.graph()
         for service in entry.services
-        if service.node != own and "/_" not in service.name and "parameter" not in service.name
+        if service.node != own and not _OF_EVERY_NODE.search(service.name)
     )
+
+
+async def has_client(trial: Trial, program: Program, name: str) -> bool:
+    """Wait until a program has a client of a service, or has ended; whether it has one."""
+    own = trial.node.get_fully_qualified_name()
+    for _ in range(int(STARTED / _LOOK)):
+        for entry in await trial.node.graph():
+            if any(each.name == name and each.node != own for each in entry.clients):
+                return True
+        if await program.finished(timeout=_LOOK) is not None:
+            return False
+    return False
+
+
+def remark(program: Program) -> str:
+    """Return what taskrpc said of a mistake that would make ROS 2 wait in silence, or ""."""
+    said = (line.partition("[taskrpc] ")[2] for line in program.output)
+    return next((line for line in said if line.startswith("ROS 2 would ")), "")
 
 
 async def answer(client: Client[Any, Any], request: Any, what: str) -> Any:

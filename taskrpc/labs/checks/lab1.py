@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
 import srvgen
-from taskrpc.labs.checks.common import ANSWERED, answer, ended, service_of
+from taskrpc.labs.checks.common import (
+    ANSWERED,
+    STARTED,
+    answer,
+    ended,
+    has_client,
+    remark,
+    service_of,
+)
 from taskrpc.labs.lab import Check, Lab, NotMet
 from taskrpc.labs.trial import Trial
 from taskrpc.labs.variants import Variant
 
 _TYPE = "example_interfaces/srv/AddTwoInts"
+_WAITS = re.compile(r"\b(wait_for_service|service_is_ready)\b")
+_ABSENT = 5.0
+"""Seconds until the server starts: taskrpc reports a request without a server after 2 to 3 s."""
 _NAMES = ("add_two_ints", "sum_of_two", "plus", "add_up", "total_of_two")
 
 
@@ -61,7 +73,6 @@ async def _logs(trial: Trial) -> None:
 async def _prints(trial: Trial) -> None:
     # Our server responds with a number that no addition gives: a client that adds is found out.
     number = trial.unpredictable(10_000, 99_999)
-    add_two_ints = srvgen.load(_TYPE)
     requests: list[Any] = []
 
     def respond(request: Any, response: Any) -> Any:
@@ -69,60 +80,70 @@ async def _prints(trial: Trial) -> None:
         response.sum = number
         return response
 
-    service = trial.node.create_service(add_two_ints, f"/{_service(trial.variant)}", respond)
+    service = trial.node.create_service(srvgen.load(_TYPE), f"/{_service(trial.variant)}", respond)
     try:
         client = await trial.start("client.py", "20", "22")
-        code = await client.finished(timeout=ANSWERED)
+        code = await client.finished(timeout=STARTED)
     finally:
         service.destroy()
     if code is None:
         raise NotMet(
             "the client to end after the response",
             "it still runs; " + ("it sent the request" if requests else "it sent no request"),
-            "who spins while the client waits? See spin_until_future_complete",
+            "what lets rclpy run while the client waits? See spin_until_future_complete",
+        )
+    text = "\n".join(client.output)
+    if code != 0 and "NoneType" in text:
+        raise NotMet(
+            "send_request to return the response",
+            f"it returned None; {ended(client, code)}",
+            "a future has a result once it is complete; return this result",
         )
     if not requests:
-        raise NotMet("the client to send one request", ended(client, code), "see call_async")
-    if not any(str(number) in line for line in client.output):
+        raise NotMet(
+            f"the client to send one request to {service.service_name}",
+            ended(client, code),
+            "compare name and type in create_client, and see call_async",
+        )
+    if not re.search(rf"(?<!\d){number}(?!\d)", text):
         raise NotMet(
             f"the client to print the sum of the response, here {number}",
             ended(client, code),
-            "the server's answer counts: print response.sum",
+            "only the server adds: print response.sum, whatever it is",
         )
-    if (requests[0].a, requests[0].b) != (20, 22):
+    if [(each.a, each.b) for each in requests] != [(20, 22)]:
         raise NotMet(
-            "`client.py 20 22` to send a=20 b=22",
-            f"it sent {requests[0]}",
-            "sys.argv[1] and sys.argv[2] are the numbers",
+            "`client.py 20 22` to send one request, with a=20 b=22",
+            f"it sent {' and '.join(f'a={each.a} b={each.b}' for each in requests)}",
+            "sys.argv[1] and sys.argv[2] are the numbers; call send_request once",
         )
 
 
 async def _waits(trial: Trial) -> None:
-    add_two_ints = srvgen.load(_TYPE)
+    name = f"/{_service(trial.variant)}"
+    expected = "the client to wait for its server before it sends the request"
+    look = "wait_for_service returns True or False: repeat it until it is True, then send"
     client = await trial.start("client.py", "1", "2")
-    await trial.sleep(2.0)
+    await has_client(trial, client, name)
+    await client.wait_for_line("ROS 2 would lose this request", timeout=_ABSENT)
     if (code := await client.finished(timeout=0.0)) is not None:
-        raise NotMet(
-            "the client to wait for its server",
-            ended(client, code),
-            "wait_for_service says whether there is a server; call it before call_async",
-        )
+        raise NotMet(expected, f"no server ran, and {ended(client, code)}", look)
 
     def respond(request: Any, response: Any) -> Any:
         response.sum = 3
         return response
 
-    service = trial.node.create_service(add_two_ints, f"/{_service(trial.variant)}", respond)
+    service = trial.node.create_service(srvgen.load(_TYPE), name, respond)
     try:
-        code = await client.finished(timeout=2 * ANSWERED)
+        code = await client.finished(timeout=STARTED)
     finally:
         service.destroy()
+    if said := remark(client):
+        raise NotMet(expected, f"it did not wait: {said}", look)
+    if not _WAITS.search((trial.folder / "client.py").read_text(errors="replace")):
+        raise NotMet(expected, "client.py has no call of wait_for_service", look)
     if code is None:
-        raise NotMet(
-            "the client to finish once its server has started",
-            "it still waits",
-            "wait_for_service returns True or False: repeat it until it is True",
-        )
+        raise NotMet("the client to finish once its server has started", "it still waits", look)
 
 
 LAB = Lab(

@@ -17,6 +17,7 @@ class AddServer(Node):
 def main():
     rclpy.init()
     node = AddServer()
+    node.get_logger().info("the server is ready")
     try:
         rclpy.spin(node)
     except KeyboardInterrupt:

@@ -1,4 +1,4 @@
-"""Lab 1: calls the service, for example: client.py 2 3"""
+"""Lab 1: calls the service. Start it with two numbers: taskrpc run client.py 2 3"""
 
 import sys
 
@@ -10,13 +10,16 @@ from rclpy.node import Node
 class AddClient(Node):
     def __init__(self):
         super().__init__("add_client")
-        # 6. Create a client of the service "@SERVICE@".
-        # 7. Wait until a server offers it.
+        # 6. Create a client: self.client = self.create_client(type, name)
+        #    The type and the name are those of the server: AddTwoInts and "@SERVICE@".
+        # 7. Wait until a server offers the service. self.client.wait_for_service(timeout_sec=1.0)
+        #    waits for at most a second, and returns True or False: repeat it until it is True.
 
     def send_request(self, a, b):
         request = AddTwoInts.Request(a=a, b=b)
-        # 8. Send the request with call_async.
-        # 9. Let rclpy run until the future is complete, and return the response.
+        # 8. Send the request: future = self.client.call_async(request)
+        # 9. The response is not there yet. Let rclpy run until the future is complete.
+        # 10. Return the result of the future.
 
 
 def main():

@@ -1,4 +1,4 @@
-# The check says: the callback failed
+# The check says: is `return response`
 import rclpy
 from example_interfaces.srv import AddTwoInts
 from rclpy.node import Node
@@ -17,6 +17,7 @@ class AddServer(Node):
 def main():
     rclpy.init()
     node = AddServer()
+    node.get_logger().info("the server is ready")
     try:
         rclpy.spin(node)
     except KeyboardInterrupt:
