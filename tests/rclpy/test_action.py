@@ -51,7 +51,7 @@ def test_a_native_client_uses_an_rclpy_server():
 
     async def use():
         async with taskrpc.Node("native") as node:
-            client = node.create_action_client(Fibonacci, "fibonacci_served")
+            client = node.create_action_client(Fibonacci, "fibonacci")
             assert await client.wait_for_server(30)
             handle = await client.send_goal(order(5))
             feedback = [list(each.sequence) async for each in handle.feedback]
@@ -71,7 +71,7 @@ def test_a_native_client_uses_an_rclpy_server():
         ActionServer(
             node,
             Fibonacci,
-            "fibonacci_served",
+            "fibonacci",
             execute,
             callback_group=ReentrantCallbackGroup(),
             cancel_callback=lambda goal: CancelResponse.ACCEPT,

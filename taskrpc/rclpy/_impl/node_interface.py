@@ -40,6 +40,13 @@ class NodeHandle(Handle):
         """Whether the node was ever added to an executor."""
         self.taken_by = ""
         """The callback that removed the node from the executor that ran it; empty without one."""
+        self.no_waitables = ""
+        """The reason why the node has no waitables, such as actions; empty if it can have them."""
+
+    def check_waitables(self) -> None:
+        """Raise TypeError if the node cannot have waitables, such as action servers."""
+        if self.no_waitables:
+            raise TypeError(self.no_waitables)
 
     def resolve(self, name: str, *, is_service: bool, only_expand: bool) -> str:
         """The absolute name of a topic or service, after remapping unless `only_expand`.

@@ -159,6 +159,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         feedback_sub_qos_profile: QoSProfile = qos_profile_default,
         status_sub_qos_profile: QoSProfile = qos_profile_action_status_default,
     ) -> None:
+        node.handle.check_waitables()
         group = node.default_callback_group if callback_group is None else callback_group
         super().__init__(group)
         check_is_valid_action_type(action_type)

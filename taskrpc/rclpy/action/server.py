@@ -232,6 +232,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         status_pub_qos_profile: QoSProfile = qos_profile_action_status_default,
         result_timeout: float = 10,
     ) -> None:
+        node.handle.check_waitables()
         group = node.default_callback_group if callback_group is None else callback_group
         super().__init__(group)
         self.register_handle_accepted_callback(handle_accepted_callback)

@@ -58,6 +58,12 @@ class AsyncNode(BaseNode):
         self._is_over = asyncio.Event()
         """Set at the destruction, and when a signal shuts the context down."""
 
+    def _rclpy_begun(self) -> None:
+        self.handle.no_waitables = (
+            f"{self.get_name()} is an AsyncNode, which has no actions; create action servers and"
+            " clients on a rclpy.node.Node"
+        )
+
     async def __aenter__(self) -> Self:
         if not self.handle.valid:
             raise RuntimeError("Node has been destroyed and cannot be reentered")
@@ -128,10 +134,7 @@ class AsyncNode(BaseNode):
 
     def add_waitable(self, waitable: object) -> None:
         """Raise TypeError: it has no actions and no other waitables."""
-        raise TypeError(
-            f"{self.get_name()} is an AsyncNode, which has no actions; create action servers and"
-            " clients on a rclpy.node.Node"
-        )
+        self.handle.check_waitables()
 
     def create_publisher(
         self, msg_type: type[MsgT], topic: str, qos_profile: QoSProfile | int

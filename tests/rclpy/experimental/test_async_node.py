@@ -6,7 +6,7 @@ import threading
 import pytest
 
 import srvgen
-from taskrpc.rclpy.action import ActionServer
+from taskrpc.rclpy.action import ActionClient, ActionServer
 from taskrpc.rclpy.context import end_all_by_signal
 from taskrpc.rclpy.executors import SingleThreadedExecutor
 from taskrpc.rclpy.experimental import AsyncNode
@@ -150,10 +150,16 @@ async def test_an_executor_refuses_it(create, context):
         SingleThreadedExecutor(context=context).add_node(create())
 
 
-async def test_an_action_server_refuses_it(create, context):
+async def test_an_action_server_refuses_it_and_offers_nothing(create, context):
+    node = create()
+    offered = node.get_service_names_and_types()
     fibonacci = srvgen.load("example_interfaces/action/Fibonacci")
-    with pytest.raises(TypeError, match="has no actions; create action servers and clients on a"):
-        ActionServer(create(), fibonacci, "fibonacci", nothing)
+    reason = "has no actions; create action servers and clients on a"
+    with pytest.raises(TypeError, match=reason):
+        ActionServer(node, fibonacci, "fibonacci", nothing)
+    with pytest.raises(TypeError, match=reason):
+        ActionClient(node, fibonacci, "fibonacci")
+    assert node.get_service_names_and_types() == offered
 
 
 def test_it_shares_a_base_class_with_node():
