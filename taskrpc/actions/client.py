@@ -128,6 +128,8 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         self._feedback.on_matched = self._status.on_matched = self._matched.set
         self._handles: dict[bytes, GoalHandle[Any, Any]] = {}
         """The goals that have not ended."""
+        self._states: dict[bytes, GoalState] = {}
+        """The states of the goals in the newest status message."""
         self._tasks: set[asyncio.Task[None]] = set()
         """Tasks that fetch results, and tasks that cancel goals whose `send_goal` ended early."""
         self._free_places = WAITING_CALLS
@@ -198,6 +200,8 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         handle._requests -= 1
         if not handle._is_accepted:
             handle._is_accepted = True
+            if self._states.get(key, GoalState.UNKNOWN).is_ended:
+                self._expect_result(handle)  # a repeated request: the status says it no more
             self._run(self._fetch(handle))
         return handle
 
@@ -256,7 +260,7 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
             handle.feedback._arrived(message.feedback)
 
     def _on_status(self, message: Any) -> None:
-        states = states_in(message)
+        states = self._states = states_in(message)
         for key, handle in self._handles.items():
             state = states.get(key)
             if state is not None and state.is_active:

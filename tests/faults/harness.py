@@ -122,6 +122,18 @@ class Lateness:
         self._arm()
 
 
+async def read_nothing(node: Any, counts: Counts, seconds: float) -> None:
+    """Let a node in memory read nothing from its publishers for so many seconds."""
+    links = node._transport.topics._links.values()
+    ends = [link._connection.transport for link in links if link._connection is not None]
+    for transport in ends:
+        counts["stopped reading"] += 1
+        transport.pause_reading()
+    await asyncio.sleep(seconds)
+    for transport in ends:
+        transport.resume_reading()
+
+
 def percentile(values: list[float], share: float) -> float:
     """The value that this share of the values does not exceed."""
     return sorted(values)[min(len(values) - 1, int(share * len(values)))]

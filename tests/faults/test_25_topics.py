@@ -15,7 +15,7 @@ import taskrpc
 from taskrpc import QoS
 from taskrpc.testing import FaultyNetwork
 from taskrpc.transport.pubsub import publishing, subscribing
-from tests.faults.harness import Bug
+from tests.faults.harness import Bug, read_nothing
 
 pytestmark = pytest.mark.faults
 
@@ -162,15 +162,7 @@ class Listener:
         await self.begin()
 
     async def _sleep(self):
-        """Read nothing for a while."""
-        links = self.node._transport.topics._links.values()
-        ends = [link._connection.transport for link in links if link._connection is not None]
-        for transport in ends:
-            self._counts["stopped reading"] += 1
-            transport.pause_reading()
-        await asyncio.sleep(self._chance.uniform(0.2, 2.0))
-        for transport in ends:
-            transport.resume_reading()
+        await read_nothing(self.node, self._counts, self._chance.uniform(0.2, 2.0))
 
 
 async def until(condition, seconds):

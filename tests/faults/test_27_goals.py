@@ -19,7 +19,7 @@ from taskrpc.actions.goal_handle import Feedback
 from taskrpc.actions.server import ActionServer
 from taskrpc.actions.states import GoalState
 from taskrpc.testing import CallFaults, FaultyNetwork
-from tests.faults.harness import Bug
+from tests.faults.harness import Bug, read_nothing
 from tests.faults.programs import kill
 from tests.faults.proxy import CUT, Faults, Proxy
 from tests.taskrpc.transport.helpers import outcome
@@ -107,6 +107,10 @@ def sends_only_some_results(patch):
             reply(self, call, record)
 
     patch(ActionServer, "_reply", forget)
+
+
+def never_asks_again_for_a_result(patch):
+    patch(ActionClient, "_expect_result", lambda self, handle: None)
 
 
 def reports_each_end_as_success(patch):
@@ -294,15 +298,7 @@ class Caller:
         self._network.heal()
 
     async def _pause(self):
-        """Read nothing for a while."""
-        links = self.node._transport.topics._links.values()
-        ends = [link._connection.transport for link in links if link._connection is not None]
-        for transport in ends:
-            self._counts["stopped reading"] += 1
-            transport.pause_reading()
-        await asyncio.sleep(self._chance.uniform(0.2, 2.0))
-        for transport in ends:
-            transport.resume_reading()
+        await read_nothing(self.node, self._counts, self._chance.uniform(0.2, 2.0))
 
     async def _die(self):
         """Be killed, start again, and repeat the requests of all goals without an outcome."""
@@ -425,9 +421,10 @@ class Caller:
         for each in await asyncio.gather(*self._jobs.values(), return_exceptions=True):
             if isinstance(each, Exception):
                 raise each
-        await asyncio.sleep(120)  # longer than any wait before a client asks again for a result
         client = self.client
-        self._counts["left over"] += len(client._handles) + len(client._tasks) + len(client._queue)
+        self._counts["left over"] += await left_over(
+            lambda: (client._handles, client._tasks, client._queue)
+        )
 
 
 @pytest.mark.planted(
@@ -462,13 +459,27 @@ async def rehearse(counts, chance, number):
         await asyncio.gather(*(caller.finish() for caller in callers))
         counts["ran twice"] += sum(count > 1 for count in robot.runs.values())
         server = robot.server
-        left = (server._goals, server._jobs, server._results, server._waiting, server._deciding)
-        counts["left over"] += sum(map(len, left))
+        counts["left over"] += await left_over(
+            lambda: (
+                *(server._goals, server._jobs, server._results),
+                *(server._waiting, server._deciding),
+            )
+        )
         counts["cuts"] += network.happened["cuts"]
         counts["silences"] += network.happened["silences"]
         for caller in callers:
             await caller.node.destroy()
         await robot.end()
+
+
+async def left_over(collections):
+    """Wait until collections are empty, which may take time; returns the number of elements."""
+    count = lambda: sum(map(len, collections()))  # noqa: E731
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(PATIENCE):
+            while count():
+                await asyncio.sleep(1)
+    return count()
 
 
 async def kill_sometimes(robot, chance):
@@ -477,6 +488,32 @@ async def kill_sometimes(robot, chance):
         await robot.die()
         await asyncio.sleep(chance.choice((0.0, 0.5, 3.0)))
         await robot.begin()
+
+
+@pytest.mark.planted(Bug(never_asks_again_for_a_result, "no outcome"))
+async def test_clients_ask_again_for_each_result_whose_response_was_lost(counts, large):
+    goals = 400 if large else 40
+    faults = CallFaults(f"lose-response:first={goals},service=/walk/_action/get_result")
+    robot = taskrpc.Node("robot", transport="memory", listen="robot", faults=faults)
+    async with robot, taskrpc.Node("caller", transport="memory") as node:
+        robot.create_action_server(
+            Fibonacci,
+            "walk",
+            lambda goal: Fibonacci.Result(sequence=[goal.request.order]),
+            concurrency=goals,
+        )
+        client = node.create_action_client(Fibonacci, "walk")
+        handles = [await client.send_goal(Fibonacci.Goal(order=each)) for each in range(goals)]
+        jobs = [asyncio.ensure_future(handle.result()) for handle in handles]
+        done, late = await asyncio.wait(jobs, timeout=PATIENCE)
+        counts["no outcome"] += len(late)
+        counts["succeeded"] += len(done)
+        found = {job.result().sequence[0] for job in done}
+        counts["wrong outcome"] += len(found ^ set(range(goals))) - len(late)
+        for job in late:
+            job.cancel()
+    counts["lost responses"] += sum(faults.happened.values())
+    counts.check(*BROKEN, happened=("lost responses", "succeeded"))
 
 
 # Real processes

@@ -170,6 +170,21 @@ async def test_a_lost_response_with_a_result_is_requested_again(goals):
         assert faults.happened == {"lose-response": 3}
 
 
+async def test_a_lost_result_of_a_repeated_goal_is_requested_again():
+    kinds = ("slow:0.1s,", "lose-response:")  # of the first and the second call
+    faults = CallFaults(*(f"{kind}first=1,service={RESULT}" for kind in kinds))
+    goal_id = "0" * 31 + "1"
+    async with programs(echo, node={"faults": faults}) as (_, _, client):
+        first = await client.send_goal(order(5), goal_id=goal_id)
+        await first.result()
+        await asyncio.sleep(1)
+        # The goal ended long ago, so no further status says that it has ended.
+        again = await client.send_goal(order(5), goal_id=goal_id)
+        assert again is not first
+        await asyncio.wait_for(again.result(), 60)
+        assert faults.happened == {"slow": 1, "lose-response": 1}
+
+
 # Feedback
 
 
