@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install test faults browser interop pictures site postgres soak mutants lint types layers windows check format demo bench clean
+.PHONY: install test faults browser interop pictures site slides postgres soak mutants lint types layers windows check format demo bench clean
 
 install:
 	$(PYTHON) -m venv $(VENV)
@@ -27,6 +27,9 @@ pictures:
 site:
 	$(BIN)/pip install --quiet --editable '.[docs]'
 	$(BIN)/python docs/site/make.py build/site
+
+slides: site
+	npx --yes @marp-team/marp-cli --no-stdin docs/teach/slides.md --output build/site/docs/teach/show.html
 
 interop:
 	$(BIN)/pip install --quiet --editable '.[dev,interop]'
