@@ -1,191 +1,176 @@
-"""The offline installation for a class: a folder of wheels, and instructions for students."""
+"""The bundle for a class: a folder with all that students install and read without the internet."""
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import subprocess
-import sys
-import tomllib
-import zipfile
-from collections.abc import Callable, Sequence
-from importlib import metadata
+import re
+import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
+import msgspec
+
+from taskrpc.browser_lab.site import add_to_bundle
+from taskrpc.classroom.bundle_pages import START, Contents, pages
+from taskrpc.classroom.wheels import Pip, Wanted, check, download, source
 from taskrpc.errors import TaskRpcError
 
-PYTHONS = ("3.11", "3.12", "3.13", "3.14")
-"""Versions of Python on the laptops."""
+WHEELS: Final = "wheels"
+"""The folder of the wheels in a bundle."""
+_DOCS, _LABS, _NOTEBOOKS = "docs", "labs", "notebooks"
+_ABOUT = "bundle.json"
 
-SYSTEMS = {
-    "Windows": ("win_amd64",),
-    "macOS (Apple silicon)": ("macosx_11_0_arm64",),
-    "macOS (Intel)": ("macosx_11_0_x86_64",),
-    "Linux": ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),
-    "Linux (ARM)": ("manylinux_2_28_aarch64", "manylinux_2_17_aarch64", "manylinux2014_aarch64"),
-}
-"""Systems of the laptops, and the tags that pip knows for the wheels of each."""
+_MB = 1_000_000
+_SET_MB, _SET_WITH_JUPYTER_MB = 6, 16
+"""Megabytes for each set of wheels, rounded up: one system with one version of Python."""
+_REST_MB = 40
+"""Megabytes for documentation, labs and the browser lab."""
 
-INSTALL = "INSTALL.txt"
+Report = Callable[[str], object]
+"""Is called with one line for each step."""
 
-_PACKAGE = "taskrpc"
-_TAG = "py3-none-any"
-# The installer writes these files; they describe one installation.
-_NOT_IN_A_WHEEL = {"RECORD", "INSTALLER", "REQUESTED", "direct_url.json"}
 
-Pip = Callable[[Sequence[str], str], None]
-"""Runs pip with arguments; the text names the purpose in errors. Raises TaskRpcError."""
+class _About(msgspec.Struct):
+    """What a bundle was made for, so that it can be checked."""
+
+    version: str
+    systems: list[str]
+    pythons: list[str]
+    jupyter: bool
 
 
 def make_bundle(
-    folder: Path, pythons: Sequence[str], report: Callable[[str], object], pip: Pip | None = None
-) -> Path:
-    """Fill a folder with taskrpc's own wheel, its dependencies, and `INSTALL.txt`.
+    folder: Path,
+    wanted: Wanted,
+    report: Report,
+    *,
+    pip: Pip | None = None,
+    browser_lab: Callable[[Path, Report], Path] = add_to_bundle,
+) -> list[str]:
+    """Fill a folder with wheels, pages, documentation, labs and notebooks.
 
-    `report` is called with one line for each step. Returns taskrpc's own wheel.
+    Returns a sentence for each part that is missing, but that students can do without.
 
     Raises:
-        TaskRpcError: a wheel cannot be made or downloaded; the folder is not complete.
+        TaskRpcError: the folder cannot be written or is too small, or a wheel cannot be made or
+            downloaded; the folder is not complete.
     """
-    pip = pip or _run_pip
+    missing: list[str] = []
+    try:
+        _check_place(folder, wanted)
+        wheels = folder / WHEELS
+        wheels.mkdir(exist_ok=True)
+        own = download(wheels, wanted, report, pip)
+        report("documentation, labs and notebooks")
+        docs, sheets, notebooks = _copy_documents(folder, source(), missing)
+        lab = _browser_lab(folder, report, browser_lab, missing)
+        version = own.name.split("-")[1]
+        contents = Contents(
+            version=version,
+            systems=wanted.systems,
+            pythons=wanted.pythons,
+            requirements=wanted.requirements,
+            pip=next((path.name for path in sorted(wheels.glob("pip-*.whl"))), "pip"),
+            docs=docs,
+            sheets=sheets,
+            notebooks=notebooks,
+            browser_lab=lab,
+        )
+        for name, text in pages(contents).items():
+            (folder / name).write_text(text, encoding="utf-8", newline="\n")
+        about = _About(version, [*wanted.systems], [*wanted.pythons], wanted.jupyter)
+        (folder / _ABOUT).write_bytes(msgspec.json.encode(about))
+    except OSError as error:
+        raise TaskRpcError(f"{error.filename or folder}: {error.strerror or error}") from None
+    return missing
+
+
+def check_bundle(folder: Path, report: Report, pip: Pip | None = None) -> int:
+    """Check that each laptop can install a bundle's wheels; returns the number of sets of wheels.
+
+    Raises TaskRpcError with the first problem.
+    """
+    try:
+        about = msgspec.json.decode((folder / _ABOUT).read_bytes(), type=_About)
+    except (OSError, msgspec.MsgspecError):
+        how = "`taskrpc classroom bundle DIR` makes one"
+        raise TaskRpcError(f"{folder}: expected a complete bundle, found none; {how}") from None
+    wanted = Wanted(about.systems, about.pythons, jupyter=about.jupyter)
+    if not (folder / START).is_file():
+        raise TaskRpcError(f"{folder / START} is missing; make the bundle again")
+    check(folder / WHEELS, wanted, report, pip)
+    return len([*wanted.sets()])
+
+
+def _check_place(folder: Path, wanted: Wanted) -> None:
+    """Create the folder. Raises TaskRpcError if it cannot be written or is too small."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        report("taskrpc's own wheel")
-        wheel = make_own_wheel(folder, pip)
-        for system, tags in SYSTEMS.items():
-            for python in pythons:
-                what = f"{system}, Python {python}"
-                report(what)
-                pip(_download(folder, wheel, tags, python), what)
-        (folder / INSTALL).write_text(_how_to_install(wheel, pythons), encoding="utf-8")
+        probe = folder / ".taskrpc-writable"
+        probe.touch()
+        probe.unlink()
     except FileExistsError:
         raise TaskRpcError(f"{folder}: expected a folder, found a file") from None
     except OSError as error:
-        raise TaskRpcError(f"{error.filename or folder}: {error.strerror or error}") from None
-    return wheel
-
-
-def make_own_wheel(folder: Path, pip: Pip) -> Path:
-    """Make taskrpc's own wheel: from its source, or else from what is installed.
-
-    Raises TaskRpcError.
-    """
-    root = Path(__file__).resolve().parents[2]
-    if _is_source(root):
-        pip(["wheel", "--no-deps", "--wheel-dir", str(folder), str(root)], "taskrpc's own wheel")
-        made = sorted(folder.glob(f"{_PACKAGE}-*.whl"), key=lambda path: path.stat().st_mtime)
-        return made[-1]
-    try:
-        return pack_installed(metadata.distribution(_PACKAGE), folder)
-    except metadata.PackageNotFoundError:
         raise TaskRpcError(
-            f"taskrpc at {root} is neither installed nor a source checkout, so no wheel can be made"
-            " of it; run this command from an environment in which `pip install` has installed it"
+            f"{folder} cannot be written ({error.strerror}): is the stick write-protected, or does"
+            " the folder belong to another user?"
         ) from None
-
-
-def pack_installed(found: metadata.Distribution, folder: Path) -> Path:
-    """Rebuild the wheel from the files that pip has installed. Raises TaskRpcError."""
-    name = f"{_PACKAGE}-{found.version}"
-    path = folder / f"{name}-{_TAG}.whl"
-    if not found.files:
+    each = _SET_WITH_JUPYTER_MB if wanted.jupyter else _SET_MB
+    needed = _REST_MB + each * len([*wanted.sets()])
+    free = shutil.disk_usage(folder).free // _MB
+    used = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file()) // _MB
+    if free + used < needed:  # a bundle that is made again replaces its files
         raise TaskRpcError(
-            "the files of taskrpc are unknown, because pip did not install it; run this command"
-            " from a source checkout, or from an environment in which pip has installed taskrpc"
+            f"{folder} has {free} MB free, and the bundle needs {needed} MB: use a larger stick, or"
+            " fewer versions with --python and --system"
         )
-    lines = []
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as wheel:
-        for file in found.files:
-            if file.parts[0] == ".." or "__pycache__" in file.parts or file.name in _NOT_IN_A_WHEEL:
-                continue
-            data = Path(str(file.locate())).read_bytes()
-            digest = base64.urlsafe_b64encode(hashlib.sha256(data).digest()).decode().rstrip("=")
-            lines.append(f"{file.as_posix()},sha256={digest},{len(data)}")
-            wheel.writestr(file.as_posix(), data)
-        record = f"{name}.dist-info/RECORD"
-        wheel.writestr(record, "\n".join([*lines, f"{record},,", ""]))
-    return path
 
 
-def _is_source(root: Path) -> bool:
+def _copy_documents(
+    folder: Path, root: Path | None, missing: list[str]
+) -> tuple[str, dict[int, str], str]:
+    """Copy documentation, sheets and notebooks of a checkout.
+
+    Returns the documentation's first page, the sheet of each lab, and the folder of the notebooks.
+    """
+    if root is None:
+        missing.append(
+            "documentation, lab sheets and notebooks: an installed taskrpc does not contain them;"
+            " run this command from a source checkout"
+        )
+        return "", {}, ""
+    site, docs = root / "build" / "site", folder / _DOCS
+    shutil.rmtree(docs, ignore_errors=True)
+    if (site / "index.html").is_file():
+        shutil.copytree(site, docs)
+        first = f"{_DOCS}/index.html"
+    else:
+        shutil.copytree(root / "docs", docs, ignore=shutil.ignore_patterns("*.py", "site"))
+        first = f"{_DOCS}/README.md"
+        missing.append("documentation as web pages: it is there as Markdown; `make site` first")
+    notebooks = root / "docs" / "teach" / "notebooks"
+    if not any(notebooks.glob("*.ipynb")):
+        return first, _sheets(folder), ""
+    shutil.copytree(notebooks, folder / _NOTEBOOKS, dirs_exist_ok=True)
+    return first, _sheets(folder), _NOTEBOOKS
+
+
+def _sheets(folder: Path) -> dict[int, str]:
+    """Return the path of each lab's sheet in the documentation of a bundle."""
+    found: dict[int, str] = {}
+    for path in sorted((folder / _DOCS).rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if match := re.search(r"/teach/lab-(\d+)(\.html|\.md|/index\.html)\Z", name):
+            found.setdefault(int(match[1]), name)
+    return found
+
+
+def _browser_lab(
+    folder: Path, report: Report, make: Callable[[Path, Report], Path], missing: list[str]
+) -> str:
     try:
-        project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
-        return False
-    return bool(project.get("project", {}).get("name") == _PACKAGE)
-
-
-def _download(folder: Path, wheel: Path, tags: Sequence[str], python: str) -> list[str]:
-    platforms = [part for tag in tags for part in ("--platform", tag)]
-    # The wheel's path, not its name: an index may have another package of this name.
-    wanted = f"{wheel}[tls]"
-    only = "--only-binary=:all:"
-    return ["download", "--dest", str(folder), only, *platforms, "--python-version", python, wanted]
-
-
-def _run_pip(arguments: Sequence[str], what: str) -> None:
-    command = [sys.executable, "-m", "pip", "--quiet", "--disable-pip-version-check", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    if not done.returncode:
-        return
-    if "No module named pip" in done.stderr:
-        raise TaskRpcError(
-            "this Python has no pip to download the wheels; install it:"
-            f" {sys.executable} -m ensurepip"
-        )
-    errors = [line for line in done.stderr.splitlines() if line.startswith("ERROR: ")]
-    reason = (errors or done.stderr.splitlines() or ["pip gave no reason"])[-1]
-    raise TaskRpcError(
-        f"{what}: pip failed ({reason.removeprefix('ERROR: ')});"
-        " this computer needs the internet to make the folder, the laptops do not"
-    )
-
-
-def _how_to_install(wheel: Path, pythons: Sequence[str]) -> str:
-    version = wheel.name.split("-")[1]
-    return _TEXT.format(version=version, first=pythons[0], pythons=", ".join(pythons))
-
-
-_TEXT = """\
-taskrpc {version}: how to install it without the internet
-
-You need Python on Windows (64 bit), macOS or Linux, in one of these versions: {pythons}.
-Use this folder where it is, on the stick, or copy it to your computer first.
-
-
-Windows
-
-Open this folder in the Explorer, type cmd into the address bar and press Enter. In the window:
-
-    py -m venv "%USERPROFILE%\\taskrpc"
-    "%USERPROFILE%\\taskrpc\\Scripts\\pip" install --no-index --find-links . taskrpc
-    "%USERPROFILE%\\taskrpc\\Scripts\\activate"
-    taskrpc demo
-
-In each new window, type the third line again.
-
-
-macOS and Linux
-
-Open a terminal and go to this folder: type cd and a space, drag the folder into the window, press
-Enter. Then:
-
-    python3 -m venv ~/taskrpc
-    ~/taskrpc/bin/pip install --no-index --find-links . taskrpc
-    . ~/taskrpc/bin/activate
-    taskrpc demo
-
-In each new terminal, type the third line again.
-
-
-In class
-
-The lecturer gives you a line that begins with: taskrpc join
-
-
-If it does not work
-
-"No matching distribution found": this Python is not one of the versions above. Type py --version
-(Windows) or python3 --version to see which it is.
-"No module named venv" (Debian, Ubuntu): sudo apt install python3-venv
-"""
+        return make(folder, report).name
+    except TaskRpcError as error:
+        missing.append(f"the labs in the browser: {error}")
+        return ""

@@ -55,11 +55,19 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = f"how many days the join strings are valid ({_DAYS})"
     adding.add_argument("--days", metavar="N", type=days, default=_DAYS, help=what)
     adding.set_defaults(run=_add)
-    bundling = add_command(commands, "bundle", "Make a folder that installs taskrpc offline")
+    what = "Make a folder with all that students install and read without the internet"
+    bundling = add_command(commands, "bundle", what)
     what = "the folder to fill, for example on a memory stick; created if it is missing"
     bundling.add_argument("folder", metavar="DIR", help=what)
     what = "a Python version of the laptops (default: 3.11, 3.12, 3.13 and 3.14)"
     bundling.add_argument("--python", action="append", metavar="VERSION", type=_python, help=what)
+    what = "a system of the laptops: windows, macos or linux (default: all)"
+    systems = ("windows", "macos", "linux")
+    bundling.add_argument("--system", action="append", choices=systems, help=what)
+    what = "add Jupyter, for the notebooks"
+    bundling.add_argument("--jupyter", action="store_true", help=what)
+    what = "make nothing: check that each laptop can install what is in the folder"
+    bundling.add_argument("--check", action="store_true", help=what)
     bundling.set_defaults(run=_bundle)
     what = "Revoke students; a running server then refuses them"
     revoking = add_command(commands, "revoke", what)
@@ -209,20 +217,9 @@ def _add(options: argparse.Namespace) -> Exit:
 
 
 def _bundle(options: argparse.Namespace) -> Exit:
-    from pathlib import Path
+    from taskrpc.cli.classroom.offline import make_or_check  # needs many modules
 
-    from taskrpc.classroom.bundle import INSTALL, PYTHONS, make_bundle
-
-    folder = Path(options.folder)
-    make_bundle(
-        folder,
-        options.python or PYTHONS,
-        lambda step: print(f"getting {step} ...", file=sys.stderr, flush=True),
-    )
-    megabytes = sum(file.stat().st_size for file in folder.iterdir()) / 1e6
-    how = f"{folder / INSTALL} tells the students how to install taskrpc"
-    print(f"{folder} is ready ({megabytes:.0f} MB); {how}")
-    return Exit.DONE
+    return make_or_check(options)
 
 
 def _revoke(options: argparse.Namespace) -> Exit:

@@ -1,161 +1,158 @@
-"""The offline installation: downloaded wheels, taskrpc's own wheel, and the instructions."""
+"""The bundle as a folder: its parts, what is left out, and places that cannot take it."""
 
 from __future__ import annotations
 
-import base64
-import hashlib
-import subprocess
-import zipfile
-from importlib import metadata
+import shutil
+from collections import namedtuple
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from taskrpc.classroom import bundle
-from taskrpc.classroom.bundle import INSTALL, PYTHONS, SYSTEMS, make_bundle, pack_installed
-from taskrpc.cli.main import main
+from taskrpc.classroom.bundle import check_bundle, make_bundle
+from taskrpc.classroom.wheels import Wanted
 from taskrpc.errors import TaskRpcError
+from tests.taskrpc.classroom.test_wheels import Pip
 
-WHEEL = "taskrpc-0.1.0-py3-none-any.whl"
-
-
-class Pip:
-    """Notes how pip is called, and makes taskrpc's own wheel."""
-
-    def __init__(self):
-        self.calls = []
-
-    def __call__(self, arguments, what):
-        self.calls.append((what, arguments))
-        if arguments[0] == "wheel":
-            Path(arguments[arguments.index("--wheel-dir") + 1], WHEEL).touch()
+Usage = namedtuple("Usage", "total used free")
+SMALL = Wanted(["linux"], ["3.12"])
 
 
-def test_wheels_are_downloaded_for_each_system_and_python(tmp_path):
-    pip, said, folder = Pip(), [], tmp_path / "stick" / "taskrpc"
-    make_bundle(folder, PYTHONS, said.append, pip)
-    (own, _), *downloads = pip.calls
-    assert own == "taskrpc's own wheel"
-    assert [what for what, _ in downloads] == said[1:]
-    assert said[1:] == [f"{system}, Python {each}" for system in SYSTEMS for each in PYTHONS]
-    assert "Windows, Python 3.11" in said
-    for _, arguments in downloads:
-        assert arguments[0] == "download"
-        assert {"--only-binary=:all:", "--platform", "--python-version"} <= {*arguments}
-        assert arguments[-1] == f"{folder / WHEEL}[tls]", "not a name that an index may have too"
-
-
-def test_the_text_for_students_installs_from_the_folder_alone(tmp_path):
-    make_bundle(tmp_path, ["3.12", "3.13"], lambda _: None, Pip())
-    text = (tmp_path / INSTALL).read_text(encoding="utf-8")
-    assert text.startswith("taskrpc 0.1.0: how to install it without the internet\n")
-    assert "in one of these versions: 3.12, 3.13.\n" in text
-    assert text.count("install --no-index --find-links . taskrpc\n") == 2
-    assert "py -m venv" in text
-    assert "python3 -m venv" in text
-    assert str(tmp_path) not in text
+def browser_lab(folder, report):
+    place = folder / "browser-lab"
+    place.mkdir(exist_ok=True)
+    return place
 
 
 @pytest.fixture
-def installed(tmp_path):
-    """An installation as pip leaves it: files of a wheel, and files that the installer made."""
-    place = tmp_path / "site-packages"
-    about = place / "taskrpc-1.2.dist-info"
-    about.mkdir(parents=True)
-    (place / "taskrpc" / "__pycache__").mkdir(parents=True)
-    files = {
-        "taskrpc/__init__.py": "answer = 42\n",
-        "taskrpc/__pycache__/__init__.cpython-311.pyc": "code",
-        "taskrpc-1.2.dist-info/METADATA": "Metadata-Version: 2.1\nName: taskrpc\nVersion: 1.2\n",
-        "taskrpc-1.2.dist-info/WHEEL": (
-            "Wheel-Version: 1.0\nRoot-Is-Purelib: true\nTag: py3-none-any\n"
-        ),
-        "taskrpc-1.2.dist-info/INSTALLER": "pip\n",
-        "taskrpc-1.2.dist-info/direct_url.json": "{}",
+def checkout(tmp_path, monkeypatch):
+    """A checkout with a page, a sheet and a notebook."""
+    root = tmp_path / "checkout"
+    for name in ("docs/README.md", "docs/teach/lab-1.md", "docs/teach/notebooks/lab-1.ipynb"):
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(name)
+    monkeypatch.setattr(bundle, "source", lambda: root)
+    return root
+
+
+def make(folder, wanted=SMALL, lab=browser_lab):
+    said = []
+    return make_bundle(folder, wanted, said.append, pip=Pip(), browser_lab=lab), said
+
+
+def test_bundle_has_wheels_pages_docs_labs_and_notebooks(checkout, tmp_path):
+    missing, said = make(tmp_path / "stick" / "taskrpc")
+    folder = tmp_path / "stick" / "taskrpc"
+    assert {path.name for path in folder.iterdir()} == {
+        *("START-HERE.html", "install-linux.html", "labs.html", "bundle.json"),
+        *("wheels", "docs", "notebooks", "browser-lab"),
     }
-    for name, text in files.items():
-        (place / name).write_text(text, newline="\n")
-    record = [*files, "../bin/taskrpc", "taskrpc-1.2.dist-info/RECORD"]
-    (about / "RECORD").write_text("".join(f"{name},,\n" for name in record))
-    return metadata.Distribution.at(about)
-
-
-def test_an_installed_taskrpc_packs_its_own_wheel(installed, tmp_path):
-    path = pack_installed(installed, tmp_path)
-    assert path.name == "taskrpc-1.2-py3-none-any.whl"
-    with zipfile.ZipFile(path) as wheel:
-        assert wheel.namelist() == [
-            "taskrpc/__init__.py",
-            "taskrpc-1.2.dist-info/METADATA",
-            "taskrpc-1.2.dist-info/WHEEL",
-            "taskrpc-1.2.dist-info/RECORD",
-        ]
-        digest = base64.urlsafe_b64encode(hashlib.sha256(b"answer = 42\n").digest()).decode()
-        first, *_, last = wheel.read("taskrpc-1.2.dist-info/RECORD").decode().splitlines()
-    assert first == f"taskrpc/__init__.py,sha256={digest.rstrip('=')},12"
-    assert last == "taskrpc-1.2.dist-info/RECORD,,"
-
-
-def test_package_that_pip_did_not_install_is_refused(tmp_path):
-    about = tmp_path / "taskrpc-1.2.dist-info"
-    about.mkdir()
-    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: taskrpc\nVersion: 1.2\n")
-    with pytest.raises(TaskRpcError, match=r"pip did not install it.* from a source checkout"):
-        pack_installed(metadata.Distribution.at(about), tmp_path)
-
-
-def test_neither_source_nor_installation_is_refused_with_one_message(tmp_path, monkeypatch):
-    def unknown(name):
-        raise metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(bundle, "_is_source", lambda _: False)
-    monkeypatch.setattr(metadata, "distribution", unknown)
-    with pytest.raises(TaskRpcError, match="neither installed nor a source checkout"):
-        bundle.make_own_wheel(tmp_path, Pip())
-
-
-def failing_pip(monkeypatch, stderr):
-    done = subprocess.CompletedProcess([], 1, "", stderr)
-    monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
-
-
-def test_failure_of_pip_is_one_line(tmp_path, monkeypatch, capsys):
-    failing_pip(monkeypatch, "WARNING: x\nERROR: Could not find a version that satisfies y\nz\n")
-    assert main(["classroom", "bundle", str(tmp_path / "stick")]) == 1
-    assert capsys.readouterr().err.splitlines() == [
-        "getting taskrpc's own wheel ...",
-        "taskrpc's own wheel: pip failed (Could not find a version that satisfies y);"
-        " this computer needs the internet to make the folder, the laptops do not",
+    labs = (folder / "labs.html").read_text(encoding="utf-8")
+    assert '<a href="docs/teach/lab-1.md">1. ' in labs
+    start = (folder / "START-HERE.html").read_text(encoding="utf-8")
+    assert 'href="docs/README.md"' in start
+    assert missing == [
+        "documentation as web pages: it is there as Markdown; `make site` first",
     ]
+    assert said[0] == "taskrpc's own wheel"
 
 
-def test_python_without_pip_gets_the_command_that_installs_it(tmp_path, monkeypatch, capsys):
-    failing_pip(monkeypatch, "/usr/bin/python3: No module named pip\n")
-    assert main(["classroom", "bundle", str(tmp_path)]) == 1
-    assert "has no pip to download the wheels; install it: " in capsys.readouterr().err
+def test_documentation_site_is_used_if_it_is_built(checkout, tmp_path):
+    for name in ("index.html", "teach/lab-1/index.html"):
+        path = checkout / "build" / "site" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+    missing, _ = make(tmp_path / "stick")
+    assert missing == []
+    labs = (tmp_path / "stick" / "labs.html").read_text(encoding="utf-8")
+    assert '<a href="docs/teach/lab-1/index.html">1. ' in labs
 
 
-def test_file_instead_of_a_folder_is_one_line(tmp_path, capsys):
-    place = tmp_path / "stick"
-    place.touch()
-    assert main(["classroom", "bundle", str(place)]) == 1
-    assert capsys.readouterr().err == f"{place}: expected a folder, found a file\n"
+def test_bundle_that_is_made_again_replaces_its_parts(checkout, tmp_path):
+    make(tmp_path / "stick")
+    (checkout / "docs" / "README.md").write_text("new")
+    make(tmp_path / "stick")
+    assert (tmp_path / "stick" / "docs" / "README.md").read_text() == "new"
 
 
-@pytest.mark.parametrize("version", ["3", "3.9", "4.0", "3.12.1", "x"])
-def test_invalid_python_version_is_wrong_usage(tmp_path, capsys, version):
-    assert main(["classroom", "bundle", str(tmp_path), "--python", version]) == 2
-    assert f"expected a version such as 3.12, got '{version}'" in capsys.readouterr().err
+def test_installed_taskrpc_names_the_parts_that_it_does_not_have(tmp_path, monkeypatch):
+    monkeypatch.setattr(bundle, "source", lambda: None)
+
+    def no_lab(folder, report):
+        raise TaskRpcError("no network")
+
+    missing, _ = make(tmp_path, lab=no_lab)
+    assert [line.partition(":")[0] for line in missing] == [
+        "documentation, lab sheets and notebooks",
+        "the labs in the browser",
+    ]
+    assert "no network" in missing[1]
+    assert "browser-lab" not in (tmp_path / "START-HERE.html").read_text(encoding="utf-8")
 
 
-def test_bundle_command_prints_the_size_of_the_folder(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(bundle, "_run_pip", Pip())
-    assert main(["classroom", "bundle", str(tmp_path), "--python", "3.12"]) == 0
-    how = f"{tmp_path / INSTALL} tells the students how to install taskrpc"
-    said = f"{tmp_path} is ready (0 MB); {how}\n"
-    assert capsys.readouterr().out == said
+def test_place_with_too_little_space_is_one_line(tmp_path, monkeypatch):
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: Usage(0, 0, 12_000_000))
+    with pytest.raises(TaskRpcError) as raised:
+        make(tmp_path / "stick", Wanted())
+    assert str(raised.value) == (
+        f"{tmp_path / 'stick'} has 12 MB free, and the bundle needs 160 MB: use a larger stick, or"
+        " fewer versions with --python and --system"
+    )
 
 
-def test_classroom_command_names_the_bundle_command(capsys):
-    assert main(["classroom", "--address", "192.0.2.7"]) == 0
-    assert "for laptops without taskrpc: taskrpc classroom bundle DIR\n" in capsys.readouterr().err
+def test_write_protected_stick_is_one_line(tmp_path, monkeypatch):
+    def refuse(path, *_, **__):
+        raise OSError(30, "Read-only file system", str(path))
+
+    monkeypatch.setattr(Path, "touch", refuse)
+    with pytest.raises(TaskRpcError) as raised:
+        make(tmp_path / "stick")
+    assert str(raised.value) == (
+        f"{tmp_path / 'stick'} cannot be written (Read-only file system): is the stick"
+        " write-protected, or does the folder belong to another user?"
+    )
+
+
+def test_file_instead_of_a_folder_is_one_line(tmp_path):
+    (tmp_path / "stick").touch()
+    with pytest.raises(TaskRpcError, match="stick: expected a folder, found a file"):
+        make(tmp_path / "stick")
+
+
+def test_check_takes_the_systems_and_pythons_of_the_bundle(checkout, tmp_path):
+    make(tmp_path / "stick", Wanted(["linux"], ["3.12", "3.13"], jupyter=True))
+    (tmp_path / "stick" / "wheels" / "taskrpc-0.1.0-py3-none-any.whl").unlink()  # not a real one
+    pip = Pip()
+    assert check_bundle(tmp_path / "stick", print, pip) == 4
+    assert [what for what, _ in pip.calls] == [
+        *("Linux, Python 3.12", "Linux, Python 3.13"),
+        *("Linux (ARM), Python 3.12", "Linux (ARM), Python 3.13"),
+    ]
+    assert pip.calls[0][1][-1] == "notebook"
+
+
+@pytest.mark.parametrize("content", [None, b"{", b'{"version": 1}'])
+def test_check_of_another_folder_is_one_line(tmp_path, content):
+    if content is not None:
+        (tmp_path / "bundle.json").write_bytes(content)
+    with pytest.raises(TaskRpcError, match="expected a complete bundle, found none"):
+        check_bundle(tmp_path, print)
+
+
+def test_check_finds_a_missing_start_page(checkout, tmp_path):
+    make(tmp_path)
+    (tmp_path / "START-HERE.html").unlink()
+    with pytest.raises(TaskRpcError, match=r"START-HERE\.html is missing; make the bundle again"):
+        check_bundle(tmp_path, print, Pip())
+
+
+def test_about_file_says_what_the_bundle_is_for(checkout, tmp_path):
+    make(tmp_path)
+    assert msgspec.json.decode((tmp_path / "bundle.json").read_bytes()) == {
+        "version": "0.1.0",
+        "systems": ["linux"],
+        "pythons": ["3.12"],
+        "jupyter": False,
+    }
