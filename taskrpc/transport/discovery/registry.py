@@ -187,16 +187,23 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_abandon_all)
 
 
+_KERNEL = "ipykernel_launcher.py"
+"""The program that runs the cells of a notebook in Python."""
+
+
 def this_process() -> RegistryEntry:
     """Return this process's entry, still without nodes and services."""
     return RegistryEntry(pid=os.getpid(), script=_script(), folder=_folder(), since=time.time())
 
 
 def _script() -> str:
-    """Return the program's name for users: a command's name, or a script's path."""
+    """Return the program's name for users: a command's name, a script's path, or a notebook."""
     program = Path(sys.argv[0]) if sys.argv and sys.argv[0] else Path("python")
     name = program.name
-    if program.suffix == ".py":
+    if name == _KERNEL:
+        notebook = os.environ.get("JPY_SESSION_NAME", "")
+        name = f"notebook {Path(notebook).name}" if notebook else "a notebook"
+    elif program.suffix == ".py":
         name = str(program)
         with contextlib.suppress(ValueError, OSError):
             name = str(program.resolve().relative_to(Path.cwd()))

@@ -14,6 +14,7 @@ import pytest
 
 import taskrpc
 from taskrpc import platform
+from taskrpc.transport.discovery import registry as registry_module
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.journal import line_of
 from taskrpc.transport.discovery.registry import Registry
@@ -432,3 +433,15 @@ def test_abandoned_entry_is_dead(registry, other):
     assert other.entries() == []
     assert files(other) == []
     registry.abandon()
+
+
+@pytest.mark.parametrize(
+    ("session", "name"),
+    [("/home/ana/lab1.ipynb", "notebook lab1.ipynb"), (None, "a notebook")],
+)
+def test_kernel_of_a_notebook_is_named_after_the_notebook(session, name, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["/opt/python/site-packages/ipykernel_launcher.py"])
+    monkeypatch.delenv("JPY_SESSION_NAME", raising=False)
+    if session:
+        monkeypatch.setenv("JPY_SESSION_NAME", session)
+    assert registry_module.this_process().script == name
