@@ -55,18 +55,37 @@ class _OneMessageHook:
     def __call__(
         self, kind: type[BaseException], error: BaseException, traceback: TracebackType | None
     ) -> None:
-        errors = list(_members(error))
-        for each in errors:
-            explain(each)
-        if not all(self._is_ours(each) or each.args == (_BY_NAME,) for each in errors):
+        messages = messages_of(error, self._is_ours, _location)
+        if not messages:
             sys.__excepthook__(kind, error, traceback)
             return
-        for each in errors:
-            location = _location(each.__traceback__) or _location(traceback)
-            message = f"{location}{type(each).__name__}: {each}"
-            print("\n  hint: ".join([message, *getattr(each, "__notes__", ())]), file=sys.stderr)
+        print("\n".join(messages), file=sys.stderr)
         if not hasattr(sys, "ps1") and not sys.flags.interactive:
-            raise SystemExit(self._exit_status(errors[0]))
+            raise SystemExit(self._exit_status(next(_members(error))))
+
+
+def messages_of(
+    error: BaseException,
+    is_ours: Callable[[BaseException], bool],
+    location: Callable[[str, int], str],
+) -> list[str]:
+    """Return the message that replaces the traceback of an error; several for a group of errors.
+
+    Empty if the program's author needs the traceback, because `is_ours` is false for an error.
+    `location` turns the file and the line in which the error was raised into the beginning of
+    its message.
+    """
+    errors = list(_members(error))
+    for each in errors:
+        explain(each)
+    if not all(is_ours(each) or each.args == (_BY_NAME,) for each in errors):
+        return []
+    found = []
+    for each in errors:
+        place = program_line(each.__traceback__) or program_line(error.__traceback__)
+        message = f"{location(*place) if place else ''}{type(each).__name__}: {each}"
+        found.append("\n  hint: ".join([message, *getattr(each, "__notes__", ())]))
+    return found
 
 
 def _is_of_srvgen(error: BaseException) -> bool:
@@ -85,17 +104,21 @@ def _members(error: BaseException) -> Iterator[BaseException]:
         yield error
 
 
-def _location(traceback: TracebackType | None) -> str:
-    """The last line of a traceback in the program itself, as `file.py:12: `."""
+def program_line(traceback: TracebackType | None) -> tuple[str, int] | None:
+    """Return the last line of a traceback in the program itself, outside of all libraries."""
     import sysconfig
 
     folders = [sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")]
     libraries = *_OWN_PACKAGES, *(os.path.join(folder, "") for folder in folders)
-    location = ""
+    place = None
     while traceback is not None:
         file = traceback.tb_frame.f_code.co_filename
         if not file.startswith(("<", *libraries)):
-            folder = os.path.join(os.getcwd(), "")
-            location = f"{file.removeprefix(folder)}:{traceback.tb_lineno}: "
+            place = file, traceback.tb_lineno
         traceback = traceback.tb_next
-    return location
+    return place
+
+
+def _location(file: str, line: int) -> str:
+    """The beginning of a message: `file.py:12: `."""
+    return f"{file.removeprefix(os.path.join(os.getcwd(), ''))}:{line}: "

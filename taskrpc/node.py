@@ -9,7 +9,7 @@ from copy import copy
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 from srvgen import excepthook
 from taskrpc import errors, names
@@ -97,6 +97,9 @@ class Node:
     domain: int | None = None
     """The node's domain if it is not `ROS_DOMAIN_ID`; set it before `start`."""
 
+    default_observer: ClassVar[Observer | None] = None
+    """Observes the nodes that are created without an observer; a notebook sets it."""
+
     def __init__(
         self,
         name: str,
@@ -129,7 +132,7 @@ class Node:
             threads=self._threads,
             faults=faults,
         )
-        self._observer = observer
+        self._observer = observer or self.default_observer
         self._transport: Endpoint | None = None
         """None before `start` and after `destroy`."""
         # Dicts as ordered sets: removing one of thousands of entries is fast.
@@ -211,6 +214,10 @@ class Node:
         self._transport = transport
         transport.add_node(self.get_fully_qualified_name())
         self._notify(lambda observer: observer.node_started(self))
+        if self._observer is not None and self._observer is self.default_observer:
+            # A notebook's observer ends the node that this one replaces, before this one offers
+            # the same services.
+            await asyncio.sleep(0)
 
     async def destroy(self) -> None:
         """Withdraw the node's services and topics and leave the network; `async with` does it.

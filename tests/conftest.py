@@ -73,7 +73,7 @@ def pytest_ignore_collect(collection_path, config):
         return None
     name, marks = collection_path.name, config.option.markexpr
     left_out = is_plain(config) and f"not {name}" in marks.split(" and ")
-    left_out |= name in ("browser", "interop") and name not in marks
+    left_out |= name in ("browser", "interop", "notebooks") and name not in marks
     return True if left_out else None
 
 

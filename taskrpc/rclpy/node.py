@@ -11,7 +11,9 @@ from collections.abc import Awaitable, Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
 from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv
+from taskrpc.names import fully_qualified
 
+from ._impl import cells
 from ._impl.arguments import Arguments, Remapping, parse
 from ._impl.bridge import Bridge
 from ._impl.diagnostics import watchdog
@@ -155,6 +157,9 @@ class BaseNode(ParameterMethods, GraphMethods):
             validate_namespace(namespace if namespace.startswith("/") else f"/{namespace}")
         name = remapping.node_name(node_name)
         namespace = remapping.namespace(namespace, name)
+        if cells.current is not None:
+            full_name = fully_qualified(f"/{namespace.strip('/')}", name)
+            cells.current.node_joins(cast("NodeInterface", self), full_name)
         bridge = Bridge(name, namespace, self._context.get_domain_id())
         return NodeHandle(self, name, bridge.namespace, remapping, bridge)
 

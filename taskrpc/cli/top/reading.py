@@ -15,6 +15,7 @@ from taskrpc.cli.task.view import printable, work_of
 from taskrpc.cli.top.model import History, Pose, TaskRow, TaskServerRow, View
 from taskrpc.qos import QoS
 from taskrpc.transport.base import ProgramStatistics
+from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.transport.settings import domain_id
 
 if TYPE_CHECKING:
@@ -46,7 +47,7 @@ class Reader:
         self._place = place
         self._timeout = min(_LONGEST, max(0.2, 0.8 * period))
         self._history = History(hidden=hidden)
-        self._task_servers: dict[str, _TaskServer] = {}
+        self._task_servers: dict[str, TaskServerReader] = {}
 
     async def read(self) -> View:
         """Ask all programs, and return what they show together with the earlier readings."""
@@ -63,19 +64,26 @@ class Reader:
             elsewhere=domains() if is_alone else (),
         )
 
-    def _servers(self, programs: Sequence[ProgramStatistics]) -> list[_TaskServer]:
+    def _servers(self, programs: Sequence[ProgramStatistics]) -> list[TaskServerReader]:
         """Return the task servers that answered just now, sorted by name."""
-        found = sorted({name for each in programs for name in _task_services(each)})
+        answered = [each.entry for each in programs if each.statistics is not None]
+        found = task_services(answered)
         for name in set(self._task_servers).difference(found):
             self._task_servers.pop(name).close()
         for name in found[:_MOST_SERVERS]:
             if name not in self._task_servers:
-                self._task_servers[name] = _TaskServer(self._node, name, self._timeout)
+                self._task_servers[name] = TaskServerReader(self._node, name, self._timeout)
         return [self._task_servers[name] for name in found[:_MOST_SERVERS]]
 
 
-class _TaskServer:
-    """Reads one task server: calls its list, and subscribes to the robot's pose."""
+class TaskServerReader:
+    """Reads one task server: calls its list, and subscribes to the robot's pose.
+
+    Args:
+        node: a started node; the caller closes it.
+        service: the name of the service that accepts tasks.
+        timeout: seconds that the server gets to answer.
+    """
 
     def __init__(self, node: Node, service: str, timeout: float) -> None:
         self._service = service
@@ -112,14 +120,17 @@ class _TaskServer:
         self._pose = Pose(position.x, position.y, theta)
 
 
-def _task_services(program: ProgramStatistics) -> Iterable[str]:
-    """Return the names under which a program accepts tasks."""
-    if program.statistics is None:
-        return
-    types = {each.name: each.type_name for each in program.entry.services}
-    for name, type_name in types.items():
-        if type_name == _TASK_SERVICE and types.get(f"{name}/list") == _LIST_TASKS:
-            yield name
+def task_services(programs: Iterable[RegistryEntry]) -> list[str]:
+    """Return the names under which programs accept tasks, sorted."""
+    found = set()
+    for program in programs:
+        types = {each.name: each.type_name for each in program.services}
+        found |= {
+            name
+            for name, type_name in types.items()
+            if type_name == _TASK_SERVICE and types.get(f"{name}/list") == _LIST_TASKS
+        }
+    return sorted(found)
 
 
 def _task_row(task: Any) -> TaskRow:

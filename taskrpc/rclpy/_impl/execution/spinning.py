@@ -12,6 +12,7 @@ from ...context import Context
 from ...signals import SignalHandlerOptions
 from ...task import Future
 from ...utilities import get_default_context
+from .. import cells
 from ..diagnostics.deadlocks import check_nested_spin, check_spin
 
 if TYPE_CHECKING:
@@ -50,10 +51,15 @@ def init(
     """Initialise the context, so that nodes can be created. Also `with rclpy.init():`.
 
     `args` is the command line by default; arguments after `--ros-args` are applied.
-    Raises RuntimeError if the context is initialised already.
+    Raises RuntimeError if the context is initialised already; in a notebook, that does nothing.
     """
     default = context is None or context is get_default_context()
     context = get_default_context() if context is None else context
+    if cells.current is not None:
+        if context.ok():
+            return InitContextManager(context, False)
+        # Interrupting a cell must not end the nodes of the other cells.
+        signal_handler_options = SignalHandlerOptions.NO
     if signal_handler_options is None:
         signal_handler_options = SignalHandlerOptions.ALL if default else SignalHandlerOptions.NO
     context.init(args, domain_id=domain_id)

@@ -1,0 +1,110 @@
+"""What IPython does for a notebook: pictures, errors, cells and magics; only this imports IPython.
+
+Outside of IPython, pictures are printed as text, and everything else does nothing.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from srvgen import DefinitionError, FieldError
+from taskrpc.errors import TaskRpcError
+from taskrpc.notebook.errors import lines_of
+
+_SHORT = (
+    *(TaskRpcError, DefinitionError, FieldError, TypeError, ExceptionGroup),
+    *(KeyboardInterrupt, asyncio.CancelledError),
+)
+"""The errors of which a cell may show one line; the others go to IPython at once."""
+
+
+def shell() -> Any:
+    """Return the running shell of IPython, None outside of it."""
+    if "IPython" not in sys.modules:
+        return None
+    from IPython import get_ipython
+
+    return get_ipython()
+
+
+def is_notebook() -> bool:
+    """Whether a kernel runs this program, so that pictures can change after they were shown."""
+    return hasattr(shell(), "kernel")
+
+
+class Picture:
+    """A picture below a cell; `show` draws it, and draws it again later."""
+
+    def __init__(self) -> None:
+        self._handle: Any = None
+
+    def show(self, html: str, text: str) -> None:
+        """Draw it; frontends without HTML show the text."""
+        bundle = {"text/html": html, "text/plain": text}
+        if not is_notebook():
+            print(text)
+        elif self._handle is None:
+            from IPython.display import display
+
+            self._handle = display(bundle, raw=True, display_id=True)
+        else:
+            self._handle.update(bundle, raw=True)
+
+
+def install(
+    cell_begins: Callable[[str], None], magics: dict[str, Callable[[str, str], object]]
+) -> None:
+    """Connect a notebook with IPython: errors in one line, the beginnings of cells, and magics."""
+    found = shell()
+    if found is None:
+        return
+    found.events.register(
+        "pre_run_cell", lambda info: cell_begins(getattr(info, "cell_id", None) or "")
+    )
+    found.set_custom_exc(_SHORT, _show_error)
+    for name, magic in magics.items():
+        found.register_magic_function(magic, "cell", name)
+
+
+def run_in_cell(text: str, path: Path) -> None:
+    """Run a file's text in the notebook's namespace, without its `if __name__ == "__main__"`."""
+    found = shell()
+    namespace = {} if found is None else found.user_ns
+    before = namespace.get("__name__")
+    namespace["__name__"] = path.stem
+    try:
+        exec(compile(text, str(path), "exec"), namespace)
+    finally:
+        namespace["__name__"] = before
+
+
+def _show_error(
+    found: Any,
+    kind: type[BaseException],
+    error: BaseException,
+    traceback: Any,
+    tb_offset: Any = None,
+) -> None:
+    lines = lines_of(error, _location)
+    if lines:
+        vars(error)["_render_traceback_"] = lambda: lines  # IPython asks errors for this method
+    found.showtraceback((kind, error, traceback), tb_offset=tb_offset)
+
+
+def cell_name(file: str) -> str:
+    """Return a file as a message names it: `Cell In[3]`, or its relative path."""
+    found = shell()
+    label = None if found is None else found.compile.format_code_name(file)
+    if label is not None:
+        return " ".join(label)
+    return file.removeprefix(os.path.join(os.getcwd(), ""))
+
+
+def _location(file: str, line: int) -> str:
+    """The beginning of a message: `Cell In[3], line 2: `."""
+    return f"{cell_name(file)}, line {line}: "
