@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import _thread
 import asyncio
+import gc
 import queue
 import threading
 import time
@@ -26,6 +27,8 @@ TIME_SLICE: Final = 0.02
 """Seconds after which a thread that never waits lets others run, when it takes a lock."""
 
 _FIRST_IDENT = 1000
+
+_COLLECTION = 5.0  # seconds between two collections of unreachable objects
 
 
 class CannotWait(TaskRpcError):
@@ -295,7 +298,16 @@ def install() -> Scheduler:
     for module, replaced in modules.items():
         for name, value in replaced.items():
             setattr(module, name, value)
+    # An automatic collection looks at the frames of stacks that wait, whose memory another stack
+    # may use by now; that ends Pyodide (its issue 6464). A full collection does not look at them.
+    gc.disable()
+    _collect(_scheduler.loop)
     return _scheduler
+
+
+def _collect(loop: asyncio.AbstractEventLoop) -> None:
+    gc.collect()
+    loop.call_later(_COLLECTION, _collect, loop)
 
 
 def _start_joinable_thread(
