@@ -30,6 +30,29 @@ async def main():
 taskrpc.run(main())
 """
 
+POOL = """
+import threading, time
+import rclpy
+from rclpy.executors import MultiThreadedExecutor
+from example_interfaces.srv import AddTwoInts
+
+def add(request, response):
+    time.sleep(0.1)
+    response.sum = request.a + request.b
+    return response
+
+rclpy.init()
+node = rclpy.create_node("pool")
+node.create_service(AddTwoInts, "add", add)
+client = node.create_client(AddTwoInts, "add")
+executor = MultiThreadedExecutor(4)
+executor.add_node(node)
+threading.Thread(target=executor.spin, daemon=True).start()
+client.wait_for_service()
+print("the sum is", client.call(AddTwoInts.Request(a=10, b=1)).sum)
+rclpy.shutdown()
+"""
+
 
 class LabPage:
     """The page in a tab."""
@@ -124,6 +147,17 @@ def test_a_traceback_shows_only_the_lines_of_the_student(page):
     places = [line for line in page.lines() if "File " in line]
     assert len(places) == 1
     assert 'File "server.py", line 3' in places[0]
+
+
+def test_a_program_with_a_pool_of_threads_ends_and_the_others_run_on(page):
+    page.write("server.py", POOL)
+    page.write("client.py", "import time\nfor n in range(9): print(n); time.sleep(0.3)\n")
+    page.tab.click("#run")
+    page.waits_for_line("server", "the sum is 11")
+    page.waits_for_line("server", "ended")
+    page.waits_for_line("client", "8")
+    page.waits_for_line("client", "ended")
+    assert not [line for line in page.lines() if "Error" in line or "Traceback" in line]
 
 
 def test_an_endless_loop_can_be_stopped_and_the_page_works_on(page):

@@ -29,6 +29,8 @@ INTERRUPTED: Final = 130
 """The exit code of a program that was stopped, as after Ctrl-C."""
 
 _GRACE = 1.0  # seconds that a stopped program gets to end
+_TURNS, _TURN = 50, 0.01  # looks, and seconds between them, until its threads have ended
+_SUSPENDED = "_wrap_awaitable"  # the coroutine with which Pyodide waits for a promise
 
 Emit = Callable[..., None]
 """Sends an event to the page: its name, and its values by keyword."""
@@ -99,6 +101,8 @@ class Program:
         self._programs = programs
         self._rest = ""
         self._written = 0
+        self._is_ending = False
+        """Whether its threads are being ended; what they say about that is not its output."""
         self._ended = asyncio.Event()
         self._changed = asyncio.Event()
 
@@ -111,6 +115,8 @@ class Program:
 
     def write(self, text: str, *, is_error: bool) -> None:
         """Add text to its output."""
+        if self._is_ending:
+            return
         *lines, self._rest = (self._rest + text).split("\n")
         self.output += lines
         self._changed.set()
@@ -214,18 +220,25 @@ class Program:
             await asyncio.wait([task])
             if not task.cancelled():
                 code = code or self._ran(task.result)
+        if self._rest:
+            self.write("\n", is_error=False)
+        self._is_ending = True
         self._interrupt(SystemExit())
+        for _ in range(_TURNS):  # the threads end at their next turns
+            if not self._programs.scheduler.idents(self.name):
+                break
+            await asyncio.sleep(_TURN)
         await shared_endpoint.close_program(self.name)
         self._cancel_tasks()
         self.exit_code = code
-        if self._rest:
-            self.write("\n", is_error=False)
         self._changed.set()
         self._ended.set()
         self._programs.emit("ended", program=self.name, file=self.file, code=code)
 
     def _cancel_tasks(self) -> None:
         for task in asyncio.all_tasks():
+            if getattr(task.get_coro(), "__name__", "") == _SUSPENDED:
+                continue  # cancelling it would destroy the stack of a thread
             context = cast("Any", task).get_context()  # new in Python 3.12
             if context.get(platform.program) == self.name and task is not asyncio.current_task():
                 task.cancel()
