@@ -235,11 +235,13 @@ class Tab:
             raise RuntimeError(result["error"])
         return result.get("value")
 
-    def wait(self, condition: Callable[[], _Value], words: str) -> _Value:
+    def wait(
+        self, condition: Callable[[], _Value], words: str, patience: float = PATIENCE
+    ) -> _Value:
         """Return the first true value of a condition. Fails if that takes too long."""
         waiting = WebDriverWait(
             self._browser,
-            PATIENCE,
+            patience,
             poll_frequency=0.05,
             ignored_exceptions=[StaleElementReferenceException],
         )
@@ -247,7 +249,7 @@ class Tab:
             return waiting.until(lambda _: condition())
         except TimeoutException:
             shown = self.run("return document.body.innerText")
-        raise AssertionError(f"waited {PATIENCE} s for {words}; the page shows:\n{shown}")
+        raise AssertionError(f"waited {patience} s for {words}; the page shows:\n{shown}")
 
     # What is wrong
 

@@ -10,10 +10,12 @@ import pytest
 from taskrpc.browser_lab.downloads import runtime
 from taskrpc.browser_lab.server import LabServer
 from taskrpc.browser_lab.site import site_files, write_site
-from tests.browser.chromium import Tabs, chromium
+from tests.browser.chromium import PATIENCE, Tabs, chromium
 from tests.javascript.pyodide import archives
 
 SOLUTION = Path(__file__).parents[2] / "examples" / "labs" / "lab1" / "solution"
+LONG = 120
+"""Seconds until Python is loaded, which the browser compiles first, or until a check has ended."""
 NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
 
 ASYNC_SERVER = """
@@ -59,10 +61,10 @@ class LabPage:
 
     def __init__(self, tab):
         self.tab = tab
-        self.waits_for_state("Ready")
+        self.waits_for_state("Ready", LONG)
 
-    def waits_for_state(self, words):
-        self.tab.wait(lambda: self.tab.text("#state") == words, f"the state {words}")
+    def waits_for_state(self, words, patience=PATIENCE):
+        self.tab.wait(lambda: self.tab.text("#state") == words, f"the state {words}", patience)
 
     def write(self, file, text):
         """Replace the text of a file, as a student does."""
@@ -91,7 +93,7 @@ class LabPage:
     def check(self):
         """Press Check; returns the texts of the findings."""
         self.tab.click("#check")
-        self.tab.find("#findings .total")
+        self.tab.wait(lambda: self.tab.all("#findings .total"), "the end of the check", LONG)
         return self.tab.texts("#findings li")
 
 

@@ -238,7 +238,7 @@ class Program:
     def _cancel_tasks(self) -> None:
         for task in asyncio.all_tasks():
             if getattr(task.get_coro(), "__name__", "") == _SUSPENDED:
-                continue  # cancelling it would destroy the stack of a thread
+                continue  # a thread waits here; SystemExit ends it
             context = cast("Any", task).get_context()  # new in Python 3.12
             if context.get(platform.program) == self.name and task is not asyncio.current_task():
                 task.cancel()
