@@ -170,7 +170,7 @@ def test_an_endless_loop_can_be_stopped_and_the_page_works_on(page):
     page.tab.click("#stop")
     page.waits_for_line("page", "computes without ever waiting")
     page.write("server.py", "print('again')\n")
-    page.waits_for_state("Ready")
+    page.waits_for_state("Ready", LONG)
     page.tab.wait(lambda: page.tab.all("#run:enabled"), "Run to be enabled")
     page.tab.click("#run")
     page.waits_for_line("server", "again")

@@ -271,9 +271,10 @@ class Page {
   }
 
   show_state() {
+    const is_loading = this.can_wait === null || !this.runtime.is_ready;
     const silent = (this.busy || this.running.size > 0) && performance.now() - this.heard_at > SILENCE;
     const [tone, words] = this.broken ? ["bad", "Python could not be loaded"]
-      : this.can_wait === null ? ["quiet", "Loading Python…"]
+      : is_loading ? ["quiet", "Loading Python…"]
       : silent ? ["warn", "no sign of life: does a loop never wait? Press Stop"]
       : this.checking ? ["accent", "Checking…"]
       : this.running.size ? ["accent", `${this.running.size} ${this.running.size === 1 ? "program runs" : "programs run"}`]

@@ -11,7 +11,7 @@ const SPARE_DELAY = 1500; // milliseconds of rest before the spare worker loads
 class Interpreter {
   constructor(received) {
     this.received = received;
-    this.queue = []; // events before somebody listens
+    this.queue = []; // the events that arrived before `listen` was called
     this.worker = new Worker(new URL(query.has("async") ? "worker.js?async" : "worker.js", import.meta.url), { type: "module" });
     this.worker.onmessage = ({ data }) => this.receive(JSON.parse(data));
     this.worker.onerror = (event) => this.receive({ event: "broken", text: event.message || "the worker could not be loaded" });
@@ -49,11 +49,14 @@ export class Runtime {
     const taken = this.spare ?? new Interpreter(null);
     this.spare = null;
     this.current = taken;
-    this.is_used = false;
+    this.is_used = this.is_ready = false;
     taken.ask({ do: "robot" });
     taken.listen((event) => {
       if (this.current !== taken) return;
-      if (event.event === "ready") this.load_spare();
+      if (event.event === "ready") {
+        this.is_ready = true;
+        this.load_spare();
+      }
       this.received(event);
     });
   }
