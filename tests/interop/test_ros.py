@@ -5,6 +5,7 @@ environment that exists, set `TASKRPC_TEST_ROS` to its Python. Of the contract s
 that need less than a minute. All of it needs two minutes, on a busy machine much more; in such an
 environment, this command runs it:
 
+    export FASTDDS_DEFAULT_PROFILES_FILE=$PWD/tests/interop/inside_ros/fast_dds.xml
     python -m pytest -m interop -n 5 -k ros tests/taskrpc/transport
 """
 
@@ -17,6 +18,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+FAST_DDS = ROOT / "tests" / "interop" / "inside_ros" / "fast_dds.xml"
 LIMIT = 600.0
 """Seconds for one file; a real ROS program may hang."""
 
@@ -55,6 +57,7 @@ def test_report_of_a_crash_begins_with_the_threads():
 def test_inside_an_environment_with_the_real_rclpy(ros_python, what):
     command = [ros_python, "-X", "faulthandler", "-m", "pytest", "-q", "-m", "interop"]
     environment = {name: value for name, value in os.environ.items() if "PYTEST" not in name}
+    environment["FASTDDS_DEFAULT_PROFILES_FILE"] = str(FAST_DDS)
     ended = subprocess.run(
         [*command, *INSIDE[what]],
         cwd=ROOT,
