@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -47,3 +49,9 @@ def test_the_search_works_without_a_server(tabs: Tabs, site: Path):
 def test_a_page_fits_on_a_phone(tabs: Tabs, site: Path):
     tab = tabs.open((site / PAGES[1]).as_uri(), size=PHONE)
     assert tab.run("return document.documentElement.scrollWidth") <= PHONE[0]
+
+
+def test_the_cheat_sheet_is_one_page_of_paper(tabs: Tabs, site: Path):
+    tab = tabs.open((site / "docs" / "teach" / "cheat-sheet.html").as_uri())
+    printed = tab.command("Page.printToPDF", preferCSSPageSize=True)["data"]
+    assert len(re.findall(rb"/Type\s*/Page\b", base64.b64decode(printed))) == 1
