@@ -1,0 +1,15 @@
+import rclpy
+from my_robot_interfaces.srv import RobotTask
+from rclpy.node import Node
+
+rclpy.init()
+node = Node("operator")
+client = node.create_client(RobotTask, "robot_task")
+client.wait_for_service()
+
+request = RobotTask.Request(task_type="report", target="central", priority=5)
+future = client.call_async(request)
+while not future.done():
+    print("not done yet")
+    rclpy.spin_once(node, timeout_sec=1.0)
+print("the robot accepted task", future.result().task_id)
