@@ -57,6 +57,7 @@ _GROUPS = {
         "classroom": "Let the laptops of a class call the robot of this machine",
         "join": "Call the robot of a lab from this laptop",
         "lab": "Do an exercise of the course, and check it",
+        "scene": "Show a typical mistake, why it happens, and the cure",
     },
     "ROS packages": {
         "param": "Read and set the parameters of nodes",
@@ -86,7 +87,8 @@ _ELSEWHERE = {
 """Commands of ros2 that taskrpc does not have, and what to do instead."""
 
 _IN_FOLDERS = frozenset(
-    "action bag bridge classroom demo doctor lab param pkg router service task top topic".split()
+    "action bag bridge classroom demo doctor lab param pkg router scene service task top"
+    " topic".split()
 )
 """Commands of several modules: the module `command_line` of the folder has `configure`."""
 

@@ -11,5 +11,5 @@ request = RobotTask.Request(task_type="report", target="central", priority=5)
 future = client.call_async(request)
 while not future.done():
     print("not done yet")
-    rclpy.spin_once(node, timeout_sec=1.0)
+    rclpy.spin_once(node, timeout_sec=2.0)
 print("the robot accepted task", future.result().task_id)

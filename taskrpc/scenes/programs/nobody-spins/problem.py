@@ -13,5 +13,5 @@ request = RobotTask.Request(task_type="report", target="central", priority=5)
 future = client.call_async(request)
 while not future.done():
     print("not done yet")
-    time.sleep(1.0)
+    time.sleep(2.0)
 print("the robot accepted task", future.result().task_id)

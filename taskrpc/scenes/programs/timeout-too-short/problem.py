@@ -8,7 +8,7 @@ client = node.create_client(RobotTask, "robot_task")
 client.wait_for_service()
 request = RobotTask.Request(task_type="report", target="central", priority=5)
 
-for attempt in (1, 2, 3):
+for attempt in (1, 2):
     future = client.call_async(request)
     rclpy.spin_until_future_complete(node, future, timeout_sec=0.4)
     print("attempt", attempt, "succeeded" if future.done() else "timed out")

@@ -1,0 +1,98 @@
+"""`taskrpc scene`: lists the scenes, or shows one: its program, a run of it, why, and the cure."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shutil
+import sys
+from argparse import ArgumentParser, Namespace
+from typing import TYPE_CHECKING
+
+from taskrpc.cli.shared.command import Exit
+
+if TYPE_CHECKING:
+    from taskrpc.cli.scene.screen import Screen
+    from taskrpc.scenes.moments import Moment
+    from taskrpc.scenes.scene import Scene
+
+
+def configure(parser: ArgumentParser) -> None:
+    """Give the parser of `taskrpc scene` its arguments."""
+    parser.epilog = (
+        "Without NAME, it lists the scenes. The programs really run, in a network of their own:"
+        " a robot or a server that already runs is not affected."
+    )
+    add = parser.add_argument
+    add("name", metavar="NAME", nargs="?", help="The scene, such as lost-reply")
+    add("--like-ros", action="store_true", help="Behave exactly like ROS 2, even where it hangs")
+    add("--cure", action="store_true", help="Show and run only the corrected program")
+    what = "Print the whole program and the name of its file, and run nothing"
+    add("--code", action="store_true", help=what)
+    parser.set_defaults(run=_run)
+
+
+def _run(options: Namespace) -> Exit:
+    from taskrpc.cli.scene.screen import Screen
+    from taskrpc.cli.shared.command import UsageError
+    from taskrpc.scenes.catalogue import SCENES, scene
+
+    screen = Screen(shutil.get_terminal_size().columns, _is_coloured())
+    if options.name is None:
+        if options.cure or options.code or options.like_ros:
+            raise UsageError("expected the name of a scene; `taskrpc scene` lists them")
+        _print(screen.table([(each.name, each.title) for each in SCENES]))
+        print(screen.note("\nTry next: taskrpc scene lost-reply"))
+        return Exit.DONE
+    chosen = scene(options.name)
+    if options.code:
+        _print_program(chosen, screen, cure=options.cure)
+        return Exit.DONE
+    if not options.cure:
+        _show(chosen, screen, cure=False, like_ros=options.like_ros)
+        _wait_for_enter(screen)
+    _show(chosen, screen, cure=True, like_ros=options.like_ros)
+    return Exit.DONE
+
+
+def _show(scene: Scene, screen: Screen, *, cure: bool, like_ros: bool) -> None:
+    """Show one program of a scene while it runs."""
+    from taskrpc.scenes.player import excerpt, play, program_path
+
+    def report(moment: Moment) -> None:
+        _print(screen.moment(moment))
+
+    program = program_path(scene, cure=cure).read_text(encoding="utf-8")
+    _print(screen.title(scene, cure=cure, like_ros=like_ros))
+    _print(screen.code(excerpt(scene, cure=cure).lines(program)))
+    asyncio.run(play(scene, report, cure=cure, like_ros=like_ros))
+    _print(screen.explanation(scene, cure=cure, like_ros=like_ros))
+
+
+def _print_program(scene: Scene, screen: Screen, *, cure: bool) -> None:
+    from taskrpc.scenes.player import excerpt, program_path
+    from taskrpc.scenes.scene import Line
+
+    path = program_path(scene, cure=cure)
+    program = path.read_text(encoding="utf-8")
+    marked = {each.number for each in excerpt(scene, cure=cure).lines(program) if each.is_marked}
+    texts = enumerate(program.splitlines(), start=1)
+    print(screen.note(f"{path}"))
+    _print(screen.code([Line(number, text, number in marked) for number, text in texts]))
+
+
+def _wait_for_enter(screen: Screen) -> None:
+    """Let the lecturer talk before the cure; if nobody sits at a terminal, go on."""
+    if sys.stdin is not None and sys.stdin.isatty() and sys.stdout.isatty():
+        print()
+        input(screen.note("Enter runs the corrected program; Ctrl-C ends "))
+    print()
+
+
+def _is_coloured() -> bool:
+    return sys.stdout.isatty() and not os.environ.get("NO_COLOR")
+
+
+def _print(lines: list[str]) -> None:
+    for line in lines:
+        print(line, flush=True)

@@ -1,0 +1,89 @@
+"""The lines of a scene for a projector: at most 25 for one program, and short; pure."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from taskrpc.scenes.moments import NETWORK, PROGRAM, ROBOT, TASKRPC, Moment
+from taskrpc.scenes.scene import Line, Scene
+
+MOST_COLUMNS = 88
+"""Columns of the text, also on a wider terminal: a class reads short lines."""
+_MOMENT_LINES = 3
+"""Most lines of one thing that happens; a program that runs alone prints all of an explanation."""
+_LABEL = 10
+"""Columns of the labels at the left."""
+
+_BOLD, _DIM, _MARKED = "1", "2", "1;33"
+_COLOURS = {PROGRAM: "36", NETWORK: "35", ROBOT: "32", TASKRPC: "33"}
+
+
+@dataclass(frozen=True)
+class Screen:
+    """Lays out the parts of a scene as lines.
+
+    Attributes:
+        columns: the width of the terminal.
+        coloured: whether the lines have colours.
+    """
+
+    columns: int = 80
+    coloured: bool = False
+
+    def title(self, scene: Scene, *, cure: bool, like_ros: bool) -> list[str]:
+        """Return the title of a scene, and whether this is the cure."""
+        which = ", the cure" if cure else ", like ROS 2" if like_ros else ""
+        return [self._in(_BOLD, f"{scene.title}") + self._in(_DIM, f"  ({scene.name}{which})"), ""]
+
+    def code(self, lines: Sequence[Line]) -> list[str]:
+        """Return lines of a program with their numbers; a mark points at some of them."""
+        indent = min(len(each.text) - len(each.text.lstrip()) for each in lines if each.text)
+        return [*(self._code(each, indent) for each in lines), ""]
+
+    def _code(self, line: Line, indent: int) -> str:
+        mark = ">" if line.is_marked else " "
+        text = f"{mark} {line.number:>3}  {line.text[indent:]}".rstrip()
+        return self._in(_MARKED, text) if line.is_marked else text
+
+    def moment(self, moment: Moment) -> list[str]:
+        """Return the lines of one thing that happens."""
+        actor = self._in(_COLOURS.get(moment.actor, ""), f"{moment.actor:<8}")
+        label = f"{moment.at:4.1f} s  {actor} "
+        texts = self._wrapped(moment.text, len("99.9 s  program  "))
+        if len(texts) > _MOMENT_LINES:
+            texts = [*texts[: _MOMENT_LINES - 1], f"{texts[_MOMENT_LINES - 1]} …"]
+        return [label + texts[0], *(" " * 17 + text for text in texts[1:])]
+
+    def explanation(self, scene: Scene, *, cure: bool, like_ros: bool) -> list[str]:
+        """Return what the class has seen and why; for a cure, what to do."""
+        if cure:
+            return ["", *self._labelled("Cure", scene.cure)]
+        sees = [("You see", scene.ros)] if like_ros else [("You see", scene.sees)]
+        other = [] if like_ros else [("ROS 2", scene.ros)]
+        texts = [*sees, *other, ("Why", scene.why)]
+        return ["", *(line for label, text in texts for line in self._labelled(label, text))]
+
+    def table(self, rows: Sequence[tuple[str, str]]) -> list[str]:
+        """Return a table of names and titles."""
+        width = max(len(name) for name, _ in rows)
+        return [
+            f"{self._in(_BOLD, name)}{' ' * (width - len(name))}  {text}" for name, text in rows
+        ]
+
+    def note(self, text: str) -> str:
+        """Return a line that is less important."""
+        return self._in(_DIM, text)
+
+    def _labelled(self, label: str, text: str) -> Iterator[str]:
+        for number, line in enumerate(self._wrapped(text, _LABEL)):
+            name = label if number == 0 else ""
+            yield self._in(_BOLD, f"{name:<{_LABEL}}") + line
+
+    def _wrapped(self, text: str, indent: int) -> list[str]:
+        width = max(20, min(self.columns, MOST_COLUMNS) - indent - 2)
+        return textwrap.wrap(text, width, break_on_hyphens=False) or [""]
+
+    def _in(self, colour: str, text: str) -> str:
+        return f"\x1b[{colour}m{text}\x1b[0m" if self.coloured and colour else text

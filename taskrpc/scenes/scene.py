@@ -1,0 +1,95 @@
+"""The model of a scene: its texts, and which lines of its programs the class looks at; pure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import NamedTuple
+
+
+class Hang(Enum):
+    """Whether the program with the mistake waits for ever."""
+
+    NEVER = "never"
+    LIKE_ROS = "like ROS"
+    """Only if it behaves exactly like ROS 2; otherwise taskrpc ends the wait."""
+    ALWAYS = "always"
+
+
+class Line(NamedTuple):
+    """A line of a program."""
+
+    number: int
+    text: str
+    is_marked: bool
+    """Whether the class should look at this line."""
+
+
+@dataclass(frozen=True)
+class Excerpt:
+    """Which lines of a program are shown.
+
+    Attributes:
+        first: a text in the first line that is shown.
+        last: a text in the last one.
+        marks: each of these texts is in one line at which the class should look.
+    """
+
+    first: str
+    last: str
+    marks: tuple[str, ...]
+
+    def lines(self, program: str) -> list[Line]:
+        """Return the lines of a program; raises ValueError if a text is in none or several."""
+        texts = program.splitlines()
+        marked = {_index(texts, mark) for mark in self.marks}
+        begin, end = _index(texts, self.first), _index(texts, self.last)
+        return [Line(at + 1, texts[at], at in marked) for at in range(begin, end + 1)]
+
+    def line(self, program: str) -> Line:
+        """Return the first marked line: the line of code of the scene."""
+        return next(line for line in self.lines(program) if line.is_marked)
+
+
+def _index(texts: list[str], part: str) -> int:
+    found = [index for index, text in enumerate(texts) if part in text]
+    if len(found) != 1:
+        raise ValueError(f"expected one line with {part!r}, found {len(found)}")
+    return found[0]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A scene of a lecture.
+
+    Attributes:
+        name: its name on the command line: `lost-reply`.
+        title: the point in a few words.
+        sees: what happens with taskrpc.
+        ros: what ROS 2 does, and taskrpc with `--like-ros`.
+        why: the cause.
+        cure: what to do instead.
+        problem: the lines of the program with the mistake that are shown.
+        cured: the lines of the corrected program that are shown.
+        robot: whether the programs call a robot.
+        faults: the faults of the robot's services, as `taskrpc-server --fault` takes them.
+        hangs: whether the program with the mistake waits for ever.
+        patience: seconds from its first output until a program that hangs is ended.
+    """
+
+    name: str
+    title: str
+    sees: str
+    ros: str
+    why: str
+    cure: str
+    problem: Excerpt
+    cured: Excerpt
+    robot: bool = False
+    faults: tuple[str, ...] = ()
+    hangs: Hang = Hang.NEVER
+    patience: float = 3.5
+
+    def will_hang(self, *, like_ros: bool) -> bool:
+        """Return whether the program with the mistake waits for ever."""
+        return self.hangs is Hang.ALWAYS or (like_ros and self.hangs is Hang.LIKE_ROS)

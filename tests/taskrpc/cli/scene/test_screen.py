@@ -1,0 +1,55 @@
+"""The lines that a projector shows."""
+
+from taskrpc.cli.scene.screen import Screen
+from taskrpc.scenes.catalogue import SCENES, scene
+from taskrpc.scenes.moments import Moment
+from taskrpc.scenes.player import excerpt, program_path
+from taskrpc.scenes.scene import Line
+
+DEADLOCK = scene("deadlock")
+
+
+def test_title_names_scene_and_part():
+    screen = Screen()
+    assert screen.title(DEADLOCK, cure=False, like_ros=True)[0].endswith("(deadlock, like ROS 2)")
+    assert screen.title(DEADLOCK, cure=True, like_ros=True)[0].endswith("(deadlock, the cure)")
+
+
+def test_code_is_moved_to_the_left_and_marked():
+    lines = [Line(9, "    if a:", False), Line(10, "", False), Line(11, "        b()", True)]
+    assert Screen().code(lines) == ["    9  if a:", "   10", ">  11      b()", ""]
+
+
+def test_long_text_takes_three_lines():
+    lines = Screen(60).moment(Moment(1.26, "taskrpc", "why " * 100))
+    assert len(lines) == 3
+    assert lines[0].startswith(" 1.3 s  taskrpc  why why")
+    assert lines[1].startswith(" " * 17 + "why")
+    assert lines[2].endswith(" …")
+
+
+def test_explanation_says_what_both_systems_do():
+    lines = Screen().explanation(DEADLOCK, cure=False, like_ros=False)
+    assert [line.split()[0] for line in lines if line and line[0] != " "] == ["You", "ROS", "Why"]
+    like_ros = Screen().explanation(DEADLOCK, cure=False, like_ros=True)
+    assert like_ros[1] == f"You see   {DEADLOCK.ros}"
+
+
+def test_lines_have_colours_only_on_request():
+    plain = Screen().moment(Moment(0.0, "robot", "executes task 1"))
+    coloured = Screen(coloured=True).moment(Moment(0.0, "robot", "executes task 1"))
+    assert "\x1b" not in plain[0]
+    assert "\x1b[32mrobot" in coloured[0]
+
+
+def test_no_line_is_wider_than_a_projector():
+    for each in SCENES:
+        for cure in (False, True):
+            program = program_path(each, cure=cure).read_text(encoding="utf-8")
+            lines = [
+                *Screen(80).title(each, cure=cure, like_ros=True),
+                *Screen(80).explanation(each, cure=cure, like_ros=False),
+            ]
+            assert max(map(len, lines)) <= 80
+            code = Screen(80).code(excerpt(each, cure=cure).lines(program))
+            assert max(map(len, code)) <= 100
