@@ -47,9 +47,10 @@ def pytest_addoption(parser):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config):
-    """What is not picked uses the cores; what is picked runs here, where a debugger sees it.
+    """Choose how many processes run the tests.
 
-    The large sizes run here as well: they measure. Tests that somebody picks try all examples.
+    A whole run uses all cores. Tests that the command line picks run in this one process, where a
+    debugger sees them, and try all examples of Hypothesis. So does `--soak`, because it measures.
     """
     if "PYTEST_XDIST_WORKER" in os.environ:  # one of those processes must never start more of them
         return
