@@ -51,13 +51,6 @@ async def test_solution_passes(each, id, tmp_path):
     assert await problems(each, tmp_path, Variant(id)) == []
 
 
-@pytest.mark.parametrize("each", LABS, ids=lambda each: f"lab{each.number}")
-async def test_solution_passes_the_hidden_checks(each, tmp_path):
-    submission(each.number, solution_of(each.number), tmp_path, Variant("grace"))
-    hidden = with_hidden_checks(each.number)
-    assert await problems(hidden, tmp_path, Variant("grace")) == []
-
-
 @pytest.mark.parametrize("wrong", WRONG, ids=name_of)
 async def test_wrong_submission_gets_its_message(wrong, tmp_path):
     number = number_of(wrong)

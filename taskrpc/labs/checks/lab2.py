@@ -1,0 +1,322 @@
+"""Lab 2: a service type of one's own, and a server that refuses invalid requests."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import srvgen
+from srvgen.definitions.model import Constant, Field, MessageDef, ServiceDef
+from taskrpc.client import Client
+from taskrpc.labs.checks.common import answer, service_of
+from taskrpc.labs.lab import Check, Lab, NotMet
+from taskrpc.labs.starter import filled
+from taskrpc.labs.trial import Trial
+from taskrpc.labs.variants import Variant
+
+_PACKAGES = (
+    "robot_interfaces",
+    "campus_interfaces",
+    "depot_interfaces",
+    "harbour_interfaces",
+    "hospital_interfaces",
+)
+_TYPES = {
+    "RobotTask": "robot_task",
+    "RobotOrder": "robot_order",
+    "RobotJob": "robot_job",
+    "TaskRequest": "task_request",
+}
+_KINDS = ("task_type", "task_name", "job_type", "order_type")
+_TARGETS = ("target", "place", "location", "destination")
+_PRIORITIES = ("priority", "urgency", "importance", "rank")
+_TASKS = ("move", "scan", "report")
+_SECONDS = ("5.0", "3.0", "1.0")
+
+_DEFINITION = """\
+string @KIND@
+string<=@BOUND@ @TARGET@
+int32 @PRIORITY@ @DEFAULT@
+int32 MAX_@PRIORITY_CAPS@=@MAX@
+---
+bool success
+string message
+int32 task_id
+float32 estimated_time
+"""
+
+
+def _values(variant: Variant) -> Mapping[str, str]:
+    type_name = variant.choose("type", tuple(_TYPES))
+    priority = variant.choose("priority", _PRIORITIES)
+    seconds = variant.order("seconds", _SECONDS)
+    return {
+        "PACKAGE": variant.choose("package", _PACKAGES),
+        "TYPE": type_name,
+        "SERVICE": _TYPES[type_name],
+        "KIND": variant.choose("kind", _KINDS),
+        "TARGET": variant.choose("target", _TARGETS),
+        "BOUND": str(variant.number("bound", 20, 40)),
+        "PRIORITY": priority,
+        "PRIORITY_CAPS": priority.upper(),
+        "DEFAULT": str(variant.number("default", 5, 9)),
+        "MAX": str(variant.number("max", 10, 30)),
+        **{task.upper(): each for task, each in zip(_TASKS, seconds, strict=True)},
+    }
+
+
+def _path(variant: Variant) -> str:
+    return filled("@PACKAGE@/srv/@TYPE@.srv", _values(variant))
+
+
+def _parsed(text: str, variant: Variant) -> ServiceDef:
+    values = _values(variant)
+    return srvgen.parse_srv(text, values["PACKAGE"], values["TYPE"])
+
+
+def _own_definition(trial: Trial) -> ServiceDef:
+    """Return the definition that the student wrote; raises NotMet if it is not valid."""
+    path = _path(trial.variant)
+    try:
+        text = (trial.folder / path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        found = sorted(each.name for each in trial.folder.glob("*/srv/*"))
+        raise NotMet(
+            f"a file {path}",
+            f"the folders srv have {' and '.join(found) or 'no file'}",
+            "the name of the file is the name of the type, with its capitals",
+        ) from None
+    try:
+        return _parsed(text, trial.variant)
+    except srvgen.DefinitionError as error:
+        raise NotMet(
+            f"{path} to be a valid definition",
+            f"line {error.line}, column {error.column}: {error.message}",
+            f"`srvgen check {path}` shows the place and, if it can, a hint",
+        ) from None
+
+
+async def _is_valid(trial: Trial) -> None:
+    _own_definition(trial)
+
+
+async def _has_fields(trial: Trial) -> None:
+    own = _own_definition(trial)
+    expected = _parsed(filled(_DEFINITION, _values(trial.variant)), trial.variant)
+    parts = [("request", expected.request, own.request)]
+    parts += [("response", expected.response, own.response)]
+    for part, wanted, found in parts:
+        for problem in _differences(part, wanted, found):
+            raise problem
+
+
+def _differences(part: str, wanted: MessageDef, found: MessageDef) -> Iterator[NotMet]:
+    """Yield what is different in a request or response; the first difference is shown."""
+    kinds: list[tuple[str, Sequence[Field | Constant], Sequence[Field | Constant]]] = [
+        ("field", wanted.fields, found.fields),
+        ("constant", wanted.constants, found.constants),
+    ]
+    for kind, wants, has in kinds:
+        yield from _missing(part, kind, wants, has)
+        names = [each.name for each in wants]
+        for extra in (each for each in has if each.name not in names):
+            yield NotMet(
+                f"the {part} to have no {kind} {extra.name}",
+                f"line {extra.line} is `{_line(extra)}`",
+                "compare names and parts with the comments: does it belong below the dashes?"
+                if part == "request"
+                else "compare names and parts with the comments: does it belong above the dashes?",
+            )
+    order = [each.name for each in wanted.fields]
+    if [each.name for each in found.fields] != order:
+        yield NotMet(
+            f"the fields of the {part} in the order {', '.join(order)}",
+            f"they are {', '.join(each.name for each in found.fields)}",
+            "the order is a part of the type: client and server must agree on it",
+        )
+
+
+def _missing(
+    part: str, kind: str, wants: Sequence[Field | Constant], has: Sequence[Field | Constant]
+) -> Iterator[NotMet]:
+    """Yield the fields or constants that are not there, or not as they must be."""
+    own = {each.name: each for each in has}
+    for each in wants:
+        if each.name not in own:
+            yield NotMet(
+                f"the {part} to have a {kind} {each.name}",
+                f"it has {', '.join(own) or f'no {kind}'}",
+                "each line is `type name`; a constant is `type NAME=value`"
+                if kind == "constant"
+                else "read the step for this field again, with its name and its place",
+            )
+        elif _line(own[each.name]) != _line(each):
+            yield NotMet(
+                f"{each.name} to be {_in_words(each)}",
+                f"line {own[each.name].line} is `{_line(own[each.name])}`",
+                "the sheet shows how a bound, a default and a constant are written",
+            )
+
+
+def _line(each: Field | Constant) -> str:
+    """Return a line as it is written in a definition."""
+    if isinstance(each, Constant):
+        return f"{each.type} {each.name}={each.value}"
+    default = "" if each.default is None else f" {each.default}"
+    return f"{each.type} {each.name}{default}"
+
+
+def _in_words(each: Field | Constant) -> str:
+    """Return what a line must say, without the line."""
+    if isinstance(each, Constant):
+        return f"a constant of type {each.type} with the value {each.value}"
+    words = f"of type {each.type.base}"
+    if each.type.string_bound is not None:
+        words += f" with at most {each.type.string_bound} characters"
+    return words + (", without a default" if each.default is None else f", default {each.default}")
+
+
+class TaskClient:
+    """A client of the submission's service that knows the names of the variant.
+
+    Raises NotMet if the program does not offer the service.
+    """
+
+    def __init__(self, variant: Variant, client: Client[Any, Any]) -> None:
+        self.values = _values(variant)
+        self._client = client
+
+    @classmethod
+    async def of(cls, trial: Trial) -> TaskClient:
+        """Start the submission's server and connect to it."""
+        values = _values(trial.variant)
+        name = f"{values['PACKAGE']}/srv/{values['TYPE']}"
+        srv_type = srvgen.define(name, filled(_DEFINITION, values))
+        server = await trial.start("server.py")
+        service = f"/{values['SERVICE']}"
+        return cls(trial.variant, await service_of(trial, server, srv_type, service))
+
+    async def submit(self, task: str, priority: int | None = None) -> tuple[str, Any]:
+        """Call the service; returns the request in words, and the response."""
+        kind, field = self.values["KIND"], self.values["PRIORITY"]
+        fields: dict[str, Any] = {kind: task, self.values["TARGET"]: "station 3"}
+        words = f"{kind}={task!r}"
+        if priority is not None:
+            fields[field] = priority
+            words += f" {field}={priority}"
+        return words, await answer(self._client, self._client.srv_type.Request(**fields), words)
+
+    async def accepted(self, task: str, priority: int | None = None) -> Any:
+        """Return the response to a valid task; raises NotMet if the server refuses it."""
+        words, response = await self.submit(task, priority)
+        if not response.success:
+            raise NotMet(
+                f"the task {words} to be accepted",
+                f"success is false, and message is {response.message!r}",
+                "which condition of the callback is true for these values?",
+            )
+        return response
+
+    async def refused(self, wrong: str, task: str, priority: int | None = None) -> None:
+        """Raise NotMet if the server accepts an invalid task, or does not name what is wrong."""
+        words, response = await self.submit(task, priority)
+        if response.success:
+            raise NotMet(
+                f"the task {words} to be refused",
+                f"success is true, and message is {response.message!r}",
+                "which values may the callback accept? Check them before you count the task",
+            )
+        if wrong not in response.message:
+            raise NotMet(
+                f"a message that contains {wrong}, which is wrong in the task {words}",
+                f"message is {response.message!r}",
+                "the person who reads the message must find the mistake: name the wrong value",
+            )
+        if response.task_id != -1:
+            raise NotMet(
+                f"task_id=-1 for the refused task {words}",
+                f"task_id={response.task_id}",
+                "a refused task has no number; set every field before you return",
+            )
+
+
+async def _offers(trial: Trial) -> None:
+    await TaskClient.of(trial)
+
+
+async def _accepts(trial: Trial) -> None:
+    client = await TaskClient.of(trial)
+    ids: list[int] = []
+    for task in _TASKS:
+        response = await client.accepted(task, trial.unpredictable(1, int(client.values["MAX"])))
+        seconds = float(client.values[task.upper()])
+        if response.estimated_time != seconds:
+            raise NotMet(
+                f"estimated_time={seconds:g} for the task {task!r}",
+                f"estimated_time={response.estimated_time:g}",
+                "SECONDS has the time of each task",
+            )
+        ids.append(response.task_id)
+    if ids != [1, 2, 3]:
+        raise NotMet(
+            "task_id 1, 2 and 3 for the first three tasks",
+            f"they are {', '.join(map(str, ids))}",
+            "count self.task_counter up, then use it",
+        )
+
+
+async def _refuses(trial: Trial) -> None:
+    client = await TaskClient.of(trial)
+    number = trial.unpredictable(100, 999)
+    await client.refused(f"dance{number}", f"dance{number}", 3)
+    most = int(client.values["MAX"])
+    for priority in (0, -number, most + number):
+        await client.refused(str(priority), "move", priority)
+    await client.accepted("move", most)
+
+
+LAB = Lab(
+    number=2,
+    title="Your own service type",
+    minutes=20,
+    goal="You can define a service type, and write a server that refuses what is not valid.",
+    files=(
+        "server.py",
+        *(
+            f"@PACKAGE@/{name}"
+            for name in (
+                "srv/@TYPE@.srv",
+                "package.xml",
+                "CMakeLists.txt",
+            )
+        ),
+    ),
+    values=_values,
+    checks=(
+        Check("the definition is valid", 1, _is_valid),
+        Check(
+            "the definition has the fields of the steps",
+            3,
+            _has_fields,
+            needs=("the definition is valid",),
+        ),
+        Check(
+            "the server offers the service",
+            1,
+            _offers,
+            needs=("the definition has the fields of the steps", "the definition is valid"),
+        ),
+        Check(
+            "the server accepts valid tasks",
+            2,
+            _accepts,
+            needs=("the server offers the service",),
+        ),
+        Check(
+            "the server refuses invalid tasks, and says why",
+            3,
+            _refuses,
+            needs=("the server offers the service",),
+        ),
+    ),
+)
