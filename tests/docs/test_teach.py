@@ -1,0 +1,46 @@
+"""The lecturer's page fits the slides, the scenes and three hours."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from taskrpc.scenes.catalogue import SCENES
+from tests.docs.markdown import read_page
+
+TEACH = Path(__file__).parents[2] / "docs" / "teach"
+PAGE = read_page(TEACH / "README.md")
+SLIDES = re.findall(r"^##? (.+)$", read_page(TEACH / "slides.md").prose, flags=re.M)
+
+
+def _rows(title: str) -> list[list[str]]:
+    """The cells of the table in a section, without its heading."""
+    rows = re.findall(r"^\|(.*)\|$", PAGE.section(title), flags=re.M)[2:]
+    return [[cell.strip() for cell in row.split("|")] for row in rows]
+
+
+def test_the_running_order_takes_three_hours_and_each_part_begins_when_the_last_one_ends():
+    now = 0
+    for begin, minutes, *_ in _rows("Three hours"):
+        hours, _, rest = begin.partition(":")
+        assert 60 * int(hours) + int(rest) == now, begin
+        now += int(minutes)
+    assert now == 180
+
+
+@pytest.mark.parametrize("section", ["Three hours", "Each concept and its place"])
+def test_each_slide_that_the_page_names_exists(section):
+    titles = re.findall(r"(?<!\*)\*([^*]+)\*(?!\*)", PAGE.section(section))
+    missing = [title for title in titles if not any(each.startswith(title) for each in SLIDES)]
+    assert not missing
+
+
+def test_every_scene_and_every_lab_has_its_place():
+    cells = _rows("Each concept and its place")
+    named = re.findall(r"`([\w-]+)`", " ".join(scene for *_, scene, _ in cells))
+    assert {scene.name for scene in SCENES} <= set(named)
+    assert {lab for *_, lab in cells if lab} == set("123456")
+    slides = (TEACH / "slides.md").read_text(encoding="utf-8")
+    assert all(f"taskrpc scene {scene.name}" in slides for scene in SCENES)
