@@ -76,7 +76,8 @@ def _async_files(number: int) -> dict[str, str]:
     folder = resources.files("taskrpc.browser_lab") / "async_files" / f"lab{number}"
     if not folder.is_dir():
         return {}
-    names = sorted((file.name for file in folder.iterdir()), reverse=True)  # the server first
+    # pip adds a folder __pycache__. In reverse order the server is first.
+    names = sorted((file.name for file in folder.iterdir() if file.is_file()), reverse=True)
     return {name: (folder / name).read_text(encoding="utf-8") for name in names}
 
 
