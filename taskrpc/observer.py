@@ -28,6 +28,9 @@ class Connections(msgspec.Struct):
     sent: int = 0
     accounts: dict[str, int] = {}
     """How many are open, by the account of the caller; callers without an account do not count."""
+    failed_lookups: dict[str, tuple[str, bool]] = {}
+    """The service that each account looked for last and in vain: its name, and whether there is one
+    of this name with another type."""
 
 
 class DeduplicationStatus(msgspec.Struct, frozen=True):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import asynccontextmanager
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +22,7 @@ from taskrpc.observer import Observers
 from taskrpc.security.accounts import AccountSource
 from taskrpc.security.listen_policy import check_listen_policy
 from taskrpc.security.roles import Role
+from taskrpc.tasks.model import RUNNING_KEY
 from taskrpc.tasks.records.store import TaskStore
 from taskrpc.tasks.server import OfferedTasks, load_types
 from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
@@ -45,6 +47,10 @@ from taskrpc.web.tokens import Tokens
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
+
+
+_MAX_QUEUED = 1000
+"""Most queued tasks that are counted for the students of a class."""
 
 
 class Monitoring:
@@ -87,7 +93,7 @@ class Monitoring:
         pages = task_pages(server, self.metrics)
         has_secrets = self._token or self._accounts is not None
         may_look = self.tokens.may_look if has_secrets else None
-        live = self._live_page(server, node, self._students(node, class_folder))
+        live = self._live_page(server, node, self._students(server, node, class_folder))
         host, _ = split_place(self._place)
         # The certificate of a class is for its laptops: the lecturer's browser would warn of it.
         tls = None if class_folder is not None and is_loopback(host) else self._tls
@@ -145,16 +151,18 @@ class Monitoring:
         )
 
     def _students(
-        self, node: Node, class_folder: str | None
+        self, server: OfferedTasks, node: Node, class_folder: str | None
     ) -> Callable[[], list[dict[str, Any]]] | None:
         if class_folder is None:
             return None
         from taskrpc.cli.classroom.live_class import LiveClass  # few servers are those of a class
 
-        def connected() -> Container[str]:
-            return node.status().accepted.accounts
+        def queued() -> Iterator[str]:
+            waiting = server.manager.waiting(RUNNING_KEY)
+            return (task.client for _, task, _ in islice(waiting, _MAX_QUEUED))
 
-        return LiveClass(Path(class_folder), self._calls.accounts, connected)
+        presence = lambda: node.status().accepted  # noqa: E731
+        return LiveClass(Path(class_folder), self._calls.accounts, presence, queued)
 
     def _live_page(
         self,

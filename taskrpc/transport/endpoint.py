@@ -109,6 +109,8 @@ class Endpoint(ThreadHandoff):
         self.backpressure: Backpressure
         """Set when the endpoint begins to listen, as `calls_in_flight` is: many only call."""
         self.calls_in_flight: CallsInFlight
+        self.failed_lookups: dict[str, tuple[str, bool]] = {}
+        """See `taskrpc.observer.Connections`."""
         self.refusals = LimitedLog(log)
         self.faults = faults
         """Injects faults into incoming calls; None: no faults."""
@@ -295,6 +297,7 @@ class Endpoint(ThreadHandoff):
         accepted = self._accepted_traffic.counts(self._served)
         callers = Counter(each.principal for each in list(self._served))
         accepted.accounts = {account: count for account, count in callers.items() if account}
+        accepted.failed_lookups = dict(self.failed_lookups)
         return self.id.hex(), accepted, dialled
 
     # For nodes: shutdown

@@ -42,6 +42,8 @@ The caller's timeout passes before the server's deadline, by the time that the r
 """
 
 _WAITING_SERVICES = ("/watch",)  # their calls wait on purpose, so their durations do not count
+_NOT_BY_STUDENTS = ("/health", "/page")  # `taskrpc join` and `taskrpc view` call these themselves
+_MAX_MESSAGE = 200  # characters of a response's message
 
 
 class ShownCall(msgspec.Struct):
@@ -73,13 +75,14 @@ class ShownCall(msgspec.Struct):
 class _Open:
     """A call that has begun and not ended."""
 
-    __slots__ = ("call", "is_shown", "shown", "since")
+    __slots__ = ("call", "is_shown", "refusal", "shown", "since")
 
     def __init__(self, call: CallInfo, shown: ShownCall, since: float) -> None:
         self.call = call
         self.shown = shown
         self.since = since  # on the loop's clock
         self.is_shown = False  # whether an event had it as an open call
+        self.refusal: str | None = None  # the message of a response with `success` false
 
 
 class Caller(msgspec.Struct):
@@ -95,12 +98,28 @@ class Caller(msgspec.Struct):
     """When it called last, on the loop's clock."""
 
 
+class Problem(msgspec.Struct, frozen=True):
+    """Why a call failed."""
+
+    service: str
+    code: str
+    """The status code, such as `DEADLINE_EXCEEDED`; "" for a response that says no."""
+    message: str = ""
+    """The message of this response."""
+
+
 class AccountCalls(msgspec.Struct):
     """The calls of one account."""
 
     calls: int = 0
+    first: float = 0.0
+    """When the first one began, in seconds since 1970."""
     last: float = 0.0
     """When the last one began, in seconds since 1970."""
+    succeeded: int = 0
+    """How many succeeded; those of `taskrpc join` and the page do not count."""
+    problem: Problem | None = None
+    """Why the last call failed; None if it succeeded."""
 
 
 class CallLog(Observer):
@@ -136,7 +155,7 @@ class CallLog(Observer):
         """Note a call."""
         now = self._wall_clock()
         if call.principal and (len(self.accounts) < 10 * MAX_CALLERS or self._is_known(call)):
-            account = self.accounts.setdefault(call.principal, AccountCalls())
+            account = self.accounts.setdefault(call.principal, AccountCalls(first=now))
             account.calls += 1
             account.last = now
         shown = self._shown(call, now)
@@ -146,10 +165,14 @@ class CallLog(Observer):
             self._note_caller(call)
 
     def call_answered(self, call: CallInfo, response: Any) -> None:
-        """Note the task that a response is about."""
+        """Note the task that a response is about, and whether it says no."""
         found = self._open.get(call.number)
-        if found is not None and self.is_active:
+        if found is None:
+            return
+        if self.is_active:
             found.shown.task_id = _task_of(response) or found.shown.task_id
+        if call.principal and getattr(response, "success", True) is False:
+            found.refusal = str(getattr(response, "message", ""))
 
     def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
         """Note the end of a call."""
@@ -158,6 +181,8 @@ class CallLog(Observer):
         if not is_ok:
             self._errors += 1
         found = self._open.pop(call.number, None)
+        if call.principal in self.accounts and not call.service.endswith(_NOT_BY_STUDENTS):
+            _note_end(self.accounts[call.principal], call, code, found.refusal if found else None)
         if not self.is_active:
             return
         shown = self._shown(call, self._wall_clock()) if found is None else found.shown
@@ -258,6 +283,17 @@ class CallLog(Observer):
                 "open": len(self._open),
             }
         )
+
+
+def _note_end(account: AccountCalls, call: CallInfo, code: Code, refusal: str | None) -> None:
+    """Note whether a call of an account has succeeded."""
+    if code is not Code.OK:
+        account.problem = Problem(call.service, _reason(call, code).name)
+    elif refusal is not None:
+        account.problem = Problem(call.service, "", refusal[:_MAX_MESSAGE])
+    else:
+        account.succeeded += 1
+        account.problem = None
 
 
 def _reason(call: CallInfo, code: Code) -> Code:

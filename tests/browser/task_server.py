@@ -37,11 +37,16 @@ class TaskServer:
         folder: where it runs and writes its log.
         options: more options of the command line, such as `--speed`.
         web: the address of its pages, to start it again at the same one.
+        first: statements that the process executes before it starts the server.
     """
 
-    def __init__(self, folder: Path, *options: str, web: str = "127.0.0.1:0") -> None:
+    def __init__(
+        self, folder: Path, *options: str, web: str = "127.0.0.1:0", first: str = ""
+    ) -> None:
         self.log = folder / f"server-{time.monotonic_ns()}.log"
-        command = [sys.executable, "-m", "taskrpc.cli.server", "--web", web, *options]
+        program = f"{first}; from taskrpc.cli.server import main; raise SystemExit(main())"
+        how = ["-c", program] if first else ["-m", "taskrpc.cli.server"]
+        command = [sys.executable, *how, "--web", web, *options]
         if "--db" not in options:
             command += ["--db", ":memory:"]
         with self.log.open("wb") as log:

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 import trustme
 
+import srvgen
+import taskrpc
+import taskrpc.sync
 from taskrpc.classroom.register import Place, Register
 from tests.browser.live_page import LivePage
 
 LATER = 4e9  # seconds since 1970
+SOON_STUCK = "import taskrpc.classroom.progress as progress; progress.STUCK_AFTER = 1.0"
+"""Students count as stuck after one second instead of two minutes."""
 
 
 @pytest.fixture
@@ -32,7 +38,9 @@ def register(tmp_path):
 @pytest.fixture
 def server(register, tmp_path, start_server):
     """The server of the class, with a certificate that no browser knows."""
-    issued = trustme.CA().issue_cert("127.0.0.1")
+    authority = trustme.CA()
+    authority.cert_pem.write_to_path(tmp_path / "ca.pem")
+    issued = authority.issue_cert("127.0.0.1")
     issued.private_key_pem.write_to_path(tmp_path / "key.pem")
     issued.cert_chain_pems[0].write_to_path(tmp_path / "cert.pem")
     options = {
@@ -43,7 +51,7 @@ def server(register, tmp_path, start_server):
         "--speed": "0.05",
     }
     flat = [str(each) for pair in options.items() for each in pair]
-    return start_server(*flat, web="0.0.0.0:0")
+    return start_server(*flat, web="0.0.0.0:0", first=SOON_STUCK)
 
 
 @pytest.fixture
@@ -56,6 +64,16 @@ def open_as(register, server, tabs):
         return LivePage(tabs.open(url, any_certificate=True)).is_live()
 
     return page
+
+
+@pytest.fixture
+def ada(register, server, tmp_path):
+    """The node of a student's program."""
+    token = next(each.token for each in register.accounts() if each.name == "ada")
+    place = re.search(r"ready: .* at (\S+)", server.text)[1]
+    tls = taskrpc.Tls(ca=tmp_path / "ca.pem")
+    with taskrpc.sync.Node("laptop", peers=[place], tls=tls, token=token) as node:
+        yield node
 
 
 def students(page):
@@ -83,6 +101,25 @@ def test_student_submits_a_task_and_the_class_tab_counts_the_call(server, servic
         each.tab.wait(
             lambda each=each: "1 call" in each.tab.text("#students [data-student='ada']"), row
         )
+
+
+def test_class_tab_says_who_is_stuck_and_why(open_as, ada):
+    page, row = open_as("guest@lab"), "#students [data-student='ada']"
+    page.tab.click("#tab_class")
+    robot_task = srvgen.load("my_robot_interfaces/srv/RobotTask")
+    client = ada.create_client(robot_task, "/robot_task")
+    request = robot_task.Request(task_type="fly", target="central", priority=5)
+    assert not client.call(request).success
+    page.tab.wait(lambda: "without a successful call" in page.tab.text(row), "a stuck student")
+    assert "/robot_task: Invalid task: fly" in page.tab.text(row)
+    assert page.tab.text("#class p").endswith("connected · 1 without a successful call")
+    assert students(page)[0][0] == "ada"
+    assert page.tab.violations() == []
+    request.task_type = "scan"
+    for _ in range(3):
+        assert client.call(request).success
+    page.tab.wait(lambda: "calls · 2 queued" in page.tab.text(row), "a working student")
+    assert page.tab.text("#class p") == "1 of 2 students connected"
 
 
 def test_projector_shows_the_class_and_no_buttons(server, register, tabs):

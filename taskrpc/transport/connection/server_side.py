@@ -114,6 +114,8 @@ class ServerContext(Owner, Protocol):
     """Limits the responses that callers have not read."""
     calls_in_flight: CallsInFlight
     """Limits the calls in flight, by caller."""
+    failed_lookups: dict[str, tuple[str, bool]]
+    """See `taskrpc.observer.Connections`."""
 
     @property
     def topics(self) -> PublishedTopics:
@@ -445,9 +447,9 @@ class ServingConnection(Connection):
             store_id.add_done_callback(lambda known: self._resolve_late(event, method, known))
         elif offer is None:
             error: TaskRpcError = ServiceUnavailable(f"no service {question.name} here")
-            self.session.fail(event.call_id, error)
+            self._lookup_failed(event, error, exists=False)
         elif question.type_hash not in ("", offer.srv_type._HASH):
-            self.session.fail(event.call_id, mismatch(question, offer))
+            self._lookup_failed(event, mismatch(question, offer), exists=True)
         elif len(self._routes) >= MAX_HANDLES:
             # Method ids are never reused on one connection; a new connection starts again at 1.
             error = ServerBusy(f"this connection has used all of its {MAX_HANDLES} method ids")
@@ -462,6 +464,13 @@ class ServingConnection(Connection):
                 self.session.fail(event.call_id, error)
             else:
                 self.session.respond(event.call_id, messages.encode(body))
+                if self.principal:
+                    self.server.failed_lookups.pop(self.principal, None)
+
+    def _lookup_failed(self, event: ResolveReceived, error: TaskRpcError, *, exists: bool) -> None:
+        self.session.fail(event.call_id, error)
+        if self.principal:
+            self.server.failed_lookups[self.principal] = event.question.name, exists
 
     def _subscribed(self, event: SubscribeReceived) -> None:
         if self.session.state is ConnectionState.OPEN:

@@ -174,7 +174,7 @@ function frame(time) {
   slow.frame();
   if (time - ticked < TICK / 2) return;
   ticked = time;
-  for (const view of [status, tasks, calls, list]) view.tick();
+  for (const view of [status, tasks, calls, list, students]) view.tick();
 }
 
 tabs.choose(byId("tab_calls"));

@@ -18,12 +18,13 @@ export const stateOf = (state) => ({ word: state[0] + state.slice(1).toLowerCase
 const CODES = {
   DEADLINE_EXCEEDED: "no response before the deadline",
   PERMISSION_DENIED: "the caller's role does not allow it",
-  INVALID_REQUEST: "the request is not valid",
-  SERVER_BUSY: "the server is busy; try again later",
+  INVALID_ARGUMENT: "the request is not valid",
+  RESOURCE_EXHAUSTED: "the server is busy; try again later",
   UNAVAILABLE: "no server offers the service",
+  TYPE_MISMATCH: "the service has another type",
   CANCELLED: "the caller cancelled it",
-  HANDLER_FAILED: "the handler failed; see the server's log",
-  AUTHENTICATION_FAILED: "the token is not valid",
+  INTERNAL: "the callback failed; see the server's log",
+  UNAUTHENTICATED: "the token is not valid",
 };
 
 export const meaning = (code) => CODES[code] ?? "";

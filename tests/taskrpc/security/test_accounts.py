@@ -15,7 +15,7 @@ from taskrpc.security import accounts as accounts_module
 from taskrpc.security.accounts import AccountSource, read_accounts
 from taskrpc.security.tls import Tls
 from taskrpc.transport import endpoint
-from tests.taskrpc.transport.helpers import Add, Gate, add, ask, outcome, until
+from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask, outcome, until
 
 pytestmark = pytest.mark.real_time
 
@@ -468,3 +468,19 @@ def test_file_with_an_oversized_number_is_refused(tmp_path):
     path.chmod(0o600)
     with pytest.raises(taskrpc.TaskRpcError, match="expected accounts as TOML or JSON"):
         read_accounts(path)
+
+
+async def test_service_that_an_account_looked_for_in_vain_is_known_until_it_finds_one(file):
+    async with taskrpc.Node("server", listen="127.0.0.1:0", accounts=file) as server:
+        server.create_service(Add, "/add", add)
+        async with caller(server, ANA) as laptop:
+            for name, srv_type, found in (
+                ("/ad", Add, {"ana": ("/ad", False)}),
+                ("/add", Text, {"ana": ("/add", True)}),
+            ):
+                client = laptop.create_client(srv_type, name, timeout=0.5)
+                with pytest.raises(taskrpc.TaskRpcError):
+                    await client.call(srv_type.Request())
+                assert server.status().accepted.failed_lookups == found
+            await call(laptop)
+            assert server.status().accepted.failed_lookups == {}

@@ -14,7 +14,7 @@ from taskrpc.security.roles import Account, Accounts, Role
 from taskrpc.web import calls
 from taskrpc.web.calls import CallLog, live_callers
 from taskrpc.web.streams import MAX_CALLS
-from tests.taskrpc.transport.helpers import Add, ask
+from tests.taskrpc.transport.helpers import Add, Text, ask
 
 
 class Clock:
@@ -267,3 +267,30 @@ async def test_account_of_a_caller_and_its_connections_are_known():
         [found] = [json.loads(each) for each in log.event(now()).calls]
     assert (found["client"], found["account"]) == ("/x", "ada")
     assert log.accounts["ada"].calls == 1
+
+
+def ended(log, clock, number, code=Code.OK, response=None, **about):
+    made = call(number, clock, principal="ada", **about)
+    log.call_began(made)
+    if response is not None:
+        log.call_answered(made, response)
+    log.call_ended(made, code, 0.1)
+
+
+@pytest.mark.parametrize("is_active", [True, False])
+def test_account_has_its_first_call_its_successes_and_the_last_problem(log, clock, is_active):
+    log.is_active = is_active
+    ended(log, clock, 1, service="/robot_task/health")
+    account = log.accounts["ada"]
+    assert (account.succeeded, account.problem) == (0, None), "`taskrpc join` calls it"
+    clock.now += 5
+    ended(log, clock, 2, Code.CANCELLED, deadline=clock.now + 0.05)
+    assert account.problem == calls.Problem("/add", "DEADLINE_EXCEEDED")
+    ended(log, clock, 3, response=Text.Response(message="Invalid task: fly" + 999 * "!"))
+    assert account.problem.code == ""
+    assert account.problem.message.startswith("Invalid task: fly")
+    assert len(account.problem.message) == 200
+    assert account.succeeded == 0
+    ended(log, clock, 4, response=Text.Response(success=True))
+    assert (account.succeeded, account.problem) == (1, None)
+    assert (account.first, account.last, account.calls) == (1100.0, 1105.0, 4)

@@ -1,4 +1,4 @@
-"""The live page shows the students of a class: connected or not, last seen, number of calls."""
+"""The live page shows the students of a class: connected, stuck and why, calls, queued tasks."""
 
 import time
 
@@ -9,7 +9,8 @@ from taskrpc.classroom.register import Register
 from taskrpc.cli.classroom import command_line
 from taskrpc.cli.classroom.live_class import LiveClass
 from taskrpc.cli.main import main
-from taskrpc.web.calls import AccountCalls
+from taskrpc.observer import Connections
+from taskrpc.web.calls import AccountCalls, Problem
 
 
 @pytest.fixture
@@ -19,26 +20,85 @@ def register(tmp_path):
     return made
 
 
-def test_students_have_their_names_calls_and_connections(register):
+def connected(*accounts, **failed_lookups):
+    """Returns the connections of these accounts."""
+    return lambda: Connections(accounts=dict.fromkeys(accounts, 1), failed_lookups=failed_lookups)
+
+
+def students(register, calls, presence=None, **settings):
+    return LiveClass(register.folder, calls, presence or connected(), **settings)()
+
+
+def test_students_have_their_names_calls_connections_and_queued_tasks(register):
     accounts = [account.name for account in register.accounts()]
-    calls = {accounts[1]: AccountCalls(3, 1234.5)}
-    shown = LiveClass(register.folder, calls, lambda: {"ada"})()
+    calls = {accounts[1]: AccountCalls(3, 1200.0, 1234.5, 2)}
+    shown = students(
+        register,
+        calls,
+        connected("ada"),
+        queued=lambda: [accounts[1], "another", accounts[1]],
+        wall_clock=lambda: 1250.0,
+    )
+    nothing = {"last_seen": None, "calls": 0, "queued": 0, "problem": None}
     assert shown == [
-        {"name": "ada", "last_seen": None, "calls": 0, "connected": True},
-        {"name": "José", "last_seen": 1234.5, "calls": 3, "connected": False},
-        {"name": "grace", "last_seen": None, "calls": 0, "connected": False},
+        nothing | {"name": "ada", "connected": True, "progress": "new", "begun": 1250.0},
+        {
+            "name": "José",
+            "last_seen": 1234.5,
+            "calls": 3,
+            "connected": False,
+            "queued": 2,
+            "progress": "working",
+            "begun": 1200.0,
+            "problem": None,
+        },
+        nothing | {"name": "grace", "connected": False, "progress": "away", "begun": None},
     ]
+
+
+def test_student_without_a_successful_call_is_stuck_after_two_minutes(register):
+    problem = Problem("/robot_task", "DEADLINE_EXCEEDED")
+    calls = {"ada": AccountCalls(5, 1000.0, 1100.0, problem=problem)}
+    times = iter([1119.0, 1120.0])
+    live = LiveClass(register.folder, calls, connected(), wall_clock=lambda: next(times))
+    assert live()[0]["progress"] == "new"
+    shown = live()[0]
+    assert (shown["progress"], shown["begun"]) == ("stuck", 1000.0)
+    assert shown["problem"] == {
+        "service": "/robot_task",
+        "code": "DEADLINE_EXCEEDED",
+        "message": "",
+    }
+
+
+@pytest.mark.parametrize(("exists", "code"), [(True, "TYPE_MISMATCH"), (False, "UNAVAILABLE")])
+def test_service_that_a_student_looks_for_in_vain_is_the_problem(register, exists, code):
+    calls = {"ada": AccountCalls(1, 1000.0, 1100.0, problem=Problem("/robot_task", "INTERNAL"))}
+    shown = students(register, calls, connected(ada=("/robot_tsk", exists)))
+    assert shown[0]["problem"] == {"service": "/robot_tsk", "code": code}
+
+
+def test_next_group_begins_without_what_is_known_of_the_former_one(register):
+    Attendance(register.attendance_file, lambda: 99.0).call_began(
+        type("Call", (), {"principal": "ada"})
+    )
+    times = iter([1000.0, 2000.0])
+    live = LiveClass(register.folder, {}, connected("ada"), wall_clock=lambda: next(times))
+    assert live()[0]["last_seen"] == 99.0
+    live.forget()
+    row = live()[0]
+    assert (row["last_seen"], row["begun"], row["progress"]) == (None, 2000.0, "new")
 
 
 def test_last_call_before_the_server_started_is_shown(register):
     attendance = Attendance(register.attendance_file, lambda: 99.0)
     attendance.call_began(type("Call", (), {"principal": "ada"}))
     attendance.node_ended(None)
-    assert LiveClass(register.folder, {}, set)()[0]["last_seen"] == 99.0
+    assert students(register, {})[0]["last_seen"] == 99.0
 
 
 def test_revoked_students_are_left_out_and_new_ones_appear(register):
-    live = LiveClass(register.folder, {}, set)
+    live = LiveClass(register.folder, {}, connected())
     register.revoke("ada")
     register.add(["zoe"], time.time() + 1000)
     assert [student["name"] for student in live()] == ["José", "grace", "zoe"]
