@@ -10,11 +10,13 @@ import weakref
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol, Self, TypeVar
 
+from taskrpc import errors
+
 from ._impl.arguments import Arguments, parse
 from ._impl.diagnostics.explain import like_ros
 from ._impl.execution.wakeups import Sleep
 from ._impl.log import output
-from .exceptions import RCLError
+from .exceptions import RCLError, RCLInvalidROSArgsError, UnknownROSArgsError
 from .handle import Handle
 
 _Thing = TypeVar("_Thing")
@@ -210,7 +212,11 @@ def _reference(callback: Callable[[], Any]) -> Callable[[], Callable[[], Any] | 
 def _read(args: Sequence[str]) -> Arguments:
     for argument in args:
         argument.encode()  # ROS encodes them as UTF-8, and so raises UnicodeEncodeError
-    return parse(list(args), failed="failed to initialize rcl")
+    try:
+        return parse(list(args), failed="failed to initialize rcl")
+    except (RCLInvalidROSArgsError, UnknownROSArgsError):
+        errors.show_in_one_message()  # the user made the mistake, not the program
+        raise
 
 
 def _domain_of_the_environment() -> int:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from taskrpc.errors import TaskRpcError
+
 
 class NotInitializedException(Exception):
     """An operation needs a context for which `rclpy.init()` was not called."""
@@ -36,11 +38,14 @@ class NodeNameNonExistentError(RCLError):
     """The graph has no node of this name."""
 
 
-class RCLInvalidROSArgsError(RCLError):
-    """An argument after `--ros-args` is invalid."""
+class RCLInvalidROSArgsError(RCLError, TaskRpcError):
+    """An argument after `--ros-args` is invalid; a program that does not catch it prints one line.
+
+    So does UnknownROSArgsError: the user made the mistake, not the program.
+    """
 
 
-class UnknownROSArgsError(RuntimeError):
+class UnknownROSArgsError(RuntimeError, TaskRpcError):
     """An option after `--ros-args` is unknown to ROS."""
 
 

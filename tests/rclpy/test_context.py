@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import sys
 
 import pytest
 
@@ -126,3 +127,18 @@ def test_ros_arguments_are_read_and_unknown_ones_refused():
         Context().init(["--ros-args", "-p"])
     with pytest.raises(UnicodeEncodeError):
         Context().init(["Ragnar\udcc3\udcb6k"])
+
+
+def test_wrong_ros_arguments_are_one_line(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "excepthook", sys.__excepthook__)
+    for arguments, reason in (
+        (["-r", "x:="], "RCLInvalidROSArgsError: failed to initialize rcl: Couldn't parse remap"),
+        (["--wrong"], "UnknownROSArgsError: Found unknown ROS arguments: ['--wrong']"),
+    ):
+        with pytest.raises(RuntimeError) as caught:
+            Context().init(["--ros-args", *arguments])
+        with pytest.raises(SystemExit):
+            sys.excepthook(caught.type, caught.value, caught.tb)
+        shown = capsys.readouterr().err
+        assert reason in shown
+        assert shown.count("\n") == 1
