@@ -7,13 +7,22 @@ from typing import Any
 from .conditions import Condition, IfCondition, UnlessCondition
 from .launch_context import LaunchContext
 from .launch_description_entity import LaunchDescriptionEntity
+from .utilities.places import place_of_caller, remember_place
 
 
 class Action(LaunchDescriptionEntity):
     """Something that a launch file does. The launch executes its actions one after the other."""
 
+    _place = ""
+    """The line of the launch file that created the action; "" if no file in Python did."""
+
     def __init__(self, *, condition: Condition | None = None) -> None:
+        if condition is not None and not isinstance(condition, Condition):
+            raise TypeError(
+                f"condition: expected one such as IfCondition('true'), got {condition!r}"
+            )
         self._condition = condition
+        self._place = place_of_caller()
 
     @property
     def condition(self) -> Condition | None:
@@ -36,8 +45,12 @@ class Action(LaunchDescriptionEntity):
 
     def visit(self, context: LaunchContext) -> list[LaunchDescriptionEntity] | None:
         """Execute the action if its condition holds."""
-        if self._condition is None or self._condition.evaluate(context):
-            return self.execute(context)
+        try:
+            if self._condition is None or self._condition.evaluate(context):
+                return self.execute(context)
+        except Exception as error:
+            remember_place(error, self._place)
+            raise
         return None
 
     def execute(self, context: LaunchContext) -> list[Any] | None:

@@ -7,7 +7,7 @@ from typing import Any
 
 from .action import Action
 from .launch_context import LaunchContext
-from .launch_description_entity import LaunchDescriptionEntity
+from .launch_description_entity import LaunchDescriptionEntity, checked_entities
 
 
 class LaunchDescription(LaunchDescriptionEntity):
@@ -19,7 +19,7 @@ class LaunchDescription(LaunchDescriptionEntity):
         *,
         deprecated_reason: str | None = None,
     ) -> None:
-        self._entities = list(initial_entities or ())
+        self._entities = checked_entities(initial_entities or (), "LaunchDescription()")
         self._deprecated_reason = deprecated_reason
 
     @property
@@ -47,7 +47,7 @@ class LaunchDescription(LaunchDescriptionEntity):
 
     def add_entity(self, entity: LaunchDescriptionEntity) -> None:
         """Add an entity at the end."""
-        self._entities.append(entity)
+        self._entities += checked_entities([entity], "LaunchDescription")
 
     def add_action(self, action: Action) -> None:
         """Add an action at the end."""

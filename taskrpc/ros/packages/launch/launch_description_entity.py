@@ -44,6 +44,21 @@ SomeEntitiesType: TypeAlias = "LaunchDescriptionEntity | Iterable[LaunchDescript
 SomeActionsType: TypeAlias = SomeEntitiesType
 
 
+def checked_entities(values: Any, where: str) -> list[Any]:
+    """Turn an iterable into a list; raises TypeError if it contains something else than entities.
+
+    Args:
+        where: the beginning of the error, such as `GroupAction()`.
+    """
+    if isinstance(values, (str, LaunchDescriptionEntity)) or not isinstance(values, Iterable):
+        raise TypeError(f"{where} expected a list of actions, got {values!r}")
+    found = list(values)
+    for each in found:
+        if not isinstance(each, LaunchDescriptionEntity):
+            raise TypeError(f"{where} expected actions, got {each!r}")
+    return found
+
+
 def entities_of(value: Any) -> list[LaunchDescriptionEntity]:
     """Turn None, one entity or several into a list; raises RuntimeError for anything else."""
     if value is None:

@@ -101,8 +101,7 @@ class LaunchService:
         try:
             with stop_signals(self._stopped), self._other_signals():
                 await self._process_events(shutdown_when_idle)
-                for end in self._context.at_end:
-                    await end()
+                await asyncio.gather(*(end() for end in self._context.at_end))
         finally:
             self._loop = self._context.asyncio_loop = None
         return self._return_code

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -130,6 +131,11 @@ def value_of(context: Any, name: str, value: Any) -> Any:
         return list(value)
     if isinstance(value, (str, os.PathLike)) or hasattr(value, "perform"):
         return _of_text(name, perform(context, value))
+    if not isinstance(value, Iterable):
+        raise TypeError(
+            f"parameter {name}: expected a number, a truth value, a text or a list of these,"
+            f" got {value!r}"
+        )
     items = list(value)
     if any(hasattr(each, "perform") for each in items):
         return _of_text(name, perform(context, items))

@@ -90,6 +90,12 @@ def global_arguments(context: Any) -> list[str]:
 
 def remap_arguments(context: Any, rules: Iterable[tuple[Any, Any]]) -> list[str]:
     """The arguments for remappings: those of `SetRemap`, then the node's own."""
-    pairs = [(perform(context, old), perform(context, new)) for old, new in rules]
+    pairs = []
+    for rule in rules:
+        if isinstance(rule, str) or len(rule) != 2:
+            raise TypeError(
+                f"remappings: expected pairs of an old and a new name, ('/a', '/b'), got {rule!r}"
+            )
+        pairs.append((perform(context, rule[0]), perform(context, rule[1])))
     every = [*context.launch_configurations.get(REMAPPINGS, ()), *pairs]
     return [word for old, new in every for word in ("-r", f"{old}:={new}")]

@@ -17,7 +17,11 @@ from ..events.general import Shutdown as ShutdownEvent
 from ..events.general import TimerEvent
 from ..events.process import ProcessExited
 from ..launch_context import LaunchContext
-from ..launch_description_entity import LaunchDescriptionEntity, entities_of
+from ..launch_description_entity import (
+    LaunchDescriptionEntity,
+    checked_entities,
+    entities_of,
+)
 from ..logging import get_logger
 from ..some_substitutions_type import SomeSubstitutionsType
 from ..substitution import (
@@ -56,7 +60,7 @@ class GroupAction(Action):
         **kwargs: Any,
     ) -> None:
         super().__init__(**kwargs)
-        self._actions = list(actions)
+        self._actions = checked_entities(actions, "GroupAction()")
         self._scoped = scoped
         self._forwarding = forwarding
         self._configurations = dict(launch_configurations or {})
@@ -167,7 +171,7 @@ class TimerAction(Action):
         self._period = normalize_to_list_of_substitutions(
             str(period) if isinstance(period, (int, float)) else period
         )
-        self._actions = list(actions)
+        self._actions = checked_entities(actions, "TimerAction()")
         self._cancel_on_shutdown = cancel_on_shutdown
         self._future: asyncio.Future[None] | None = None
         self._is_cancelled = False
@@ -233,6 +237,8 @@ class RegisterEventHandler(Action):
 
     def __init__(self, event_handler: BaseEventHandler, **kwargs: Any) -> None:
         super().__init__(**kwargs)
+        if not isinstance(event_handler, BaseEventHandler):
+            raise TypeError(f"RegisterEventHandler() expected a handler, got {event_handler!r}")
         self._handler = event_handler
 
     @property

@@ -29,6 +29,7 @@ from ..launch_context import LaunchContext
 from ..logging import get_logger, launch_config, output_targets
 from ..some_substitutions_type import SomeSubstitutionsType
 from ..substitution import normalize_to_list_of_substitutions, perform, perform_substitutions
+from ..utilities.places import remember_place
 from ..utilities.type_utils import perform_typed_substitution
 
 _COUNT = "number of programs"
@@ -99,7 +100,8 @@ class ExecuteLocal(Action):
         self._on_exit = on_exit
         self._respawn = respawn
         self._respawn_delay = respawn_delay
-        self._retries_left = respawn_max_retries
+        self._respawn_max_retries = respawn_max_retries
+        self._retries_left = 0
         self._details: dict[str, Any] | None = None
         self._tree: ProcessTree | None = None
         self._completed: asyncio.Future[None] | None = None
@@ -186,8 +188,13 @@ class ExecuteLocal(Action):
         }
         self._timeouts_now = [self._seconds(context, *each) for each in self._timeouts]
         self._targets = self._output_targets(context)
+        self._check_output_format()
         self._has_terminal = self._wants_terminal(context)
         self._respawns = bool(perform_typed_substitution(context, self._respawn, bool))
+        self._delay = self._number(context, "respawn_delay", self._respawn_delay or 0.0, float)
+        self._retries_left = self._number(
+            context, "respawn_max_retries", self._respawn_max_retries, int
+        )
         self._completed = asyncio.get_running_loop().create_future()
         if self._on_exit is not None:
             context.register_event_handler(OnProcessExit(target_action=self, on_exit=self._on_exit))
@@ -198,9 +205,27 @@ class ExecuteLocal(Action):
     def _seconds(
         self, context: LaunchContext, name: str, given: SomeSubstitutionsType | None
     ) -> float:
-        if given is not None:
-            return float(perform(context, given))
-        return float(context.launch_configurations.get(name, "5"))
+        if given is None:
+            given = context.launch_configurations.get(name, "5")
+        return float(self._number(context, name, given, float))
+
+    def _number(self, context: LaunchContext, name: str, given: Any, kind: type) -> Any:
+        try:
+            found = perform_typed_substitution(context, given, kind)
+        except ValueError as error:
+            raise ValueError(f"{name}: expected a number: {error}") from None
+        if not isinstance(found, (int, float)):
+            raise TypeError(f"{name}: expected a number, got {given!r}")
+        return found
+
+    def _check_output_format(self) -> None:
+        try:
+            self._output_format.format(line="", this=self)
+        except (AttributeError, IndexError, KeyError, ValueError) as error:
+            raise ValueError(
+                "output_format: expected a format with {line} and {this}, got"
+                f" {self._output_format!r}: {type(error).__name__}: {error}"
+            ) from None
 
     def _output_targets(self, context: LaunchContext) -> dict[str, set[str]]:
         override = context.environment.get("OVERRIDE_LAUNCH_PROCESS_OUTPUT")
@@ -222,11 +247,22 @@ class ExecuteLocal(Action):
         try:
             while await self._run_once(context, prepared):
                 pass
+        except Exception as error:
+            self._complete(error)
         finally:
-            self._started.set()
-            assert self._completed is not None
-            if not self._completed.done():
-                self._completed.set_result(None)
+            self._complete()
+
+    def _complete(self, error: Exception | None = None) -> None:
+        """Let the launch go on without the program; an error ends the launch."""
+        self._started.set()
+        assert self._completed is not None
+        if self._completed.done():
+            return
+        if error is None:
+            self._completed.set_result(None)
+        else:
+            remember_place(error, self._place)
+            self._completed.set_exception(error)
 
     async def _run_once(self, context: LaunchContext, prepared: PreparedCommand) -> bool:
         """Run the program to its end; returns whether to start it again."""
@@ -248,12 +284,13 @@ class ExecuteLocal(Action):
                 env=prepared.env,
                 has_terminal=self._has_terminal,
             )
-        except OSError as error:
+        except (OSError, ValueError) as error:  # ValueError: a word contains a null character
             place = f" in {prepared.cwd}" if prepared.cwd else ""
-            logger.error(
-                f"cannot start '{prepared.shown[0]}'{place}: {reason_of(error)};"
-                " the other programs continue"
-            )
+            first = prepared.shown[0]
+            reason = reason_of(error) if isinstance(error, OSError) else str(error)
+            if isinstance(error, FileNotFoundError) and " " in first:
+                reason += " (each word of a command is an item of `cmd`, without `shell=True`)"
+            logger.error(f"cannot start '{first}'{place}: {reason}; the other programs continue")
             return False
         self._started.set()
         context.at_end.append(tree.end_descendants)
@@ -262,6 +299,9 @@ class ExecuteLocal(Action):
         context.emit_event_sync(ProcessStarted(**self._details))
         code = await tree.wait()
         self._flush()
+        if not tree.has_processes():
+            # A program may end often, and the system uses the number of its group again.
+            context.at_end.remove(tree.end_descendants)
         if code == 0:
             logger.info(f"process has finished cleanly [pid {tree.pid}]")
         else:
@@ -274,7 +314,7 @@ class ExecuteLocal(Action):
             return False
         self._retries_left -= 1
         with contextlib.suppress(TimeoutError):
-            await asyncio.wait_for(self._ends.wait(), self._respawn_delay or 0)
+            await asyncio.wait_for(self._ends.wait(), self._delay)
         return not self._ends.is_set() and not context.is_shutdown
 
     # Output

@@ -75,6 +75,8 @@ class ExecuteProcess(ExecuteLocal):
     def prepare_command(self, context: LaunchContext) -> PreparedCommand | None:
         """The program with its arguments, working directory and environment."""
         words = texts_of(context, self._cmd)
+        if not words:
+            raise ValueError("cmd: expected a program and its arguments, got an empty list")
         if self._shell:
             first = next(iter(_split(words[0])), words[0])
         else:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import traceback
-from types import TracebackType
-
 from taskrpc.ros.executables import missing_package
+
+from .places import place_of
 
 _CLONE = "clone the repository of the package into the src folder of your workspace"
 
@@ -20,7 +18,7 @@ def explained(error: BaseException) -> str:
     problem = "; ".join(line.strip() for line in problem.splitlines() if line.strip())
     problem = problem or type(error).__name__
     step = _next_step(error, problem)
-    place = _place(error.__traceback__)
+    place = place_of(error)
     is_told = isinstance(error, (RuntimeError, FileNotFoundError))
     kind = "" if is_told or type(error).__name__ in problem else f"{type(error).__name__}: "
     front = f"{place}: {kind}" if place else ""
@@ -41,14 +39,3 @@ def _missing_in(problem: str) -> str:
     """The package that is not here and that a path in a text belongs to, "" for none."""
     words = problem.replace("'", " ").replace('"', " ").split()
     return next((name for word in words if (name := missing_package(word))), "")
-
-
-def _place(trace: TracebackType | None) -> str:
-    """The innermost line that belongs to a launch file or its package, "" if there is none."""
-    ours = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))
-    found = ""
-    for frame in traceback.extract_tb(trace):
-        is_foreign = frame.filename.startswith(("<", ours, os.path.dirname(os.__file__)))
-        if not is_foreign and f"{os.sep}taskrpc{os.sep}" not in frame.filename:
-            found = f"{frame.filename}, line {frame.lineno}"
-    return found

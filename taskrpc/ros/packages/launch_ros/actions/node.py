@@ -163,5 +163,5 @@ class Node(ExecuteProcess):
                 validate_namespace(namespace)
         except (InvalidNodeNameException, InvalidNamespaceException) as error:
             problem = " ".join(str(error).split())
-            raise RuntimeError(f"Node(executable={self._executable}): {problem}") from None
+            raise RuntimeError(f"Node: {problem}") from None
         return name, namespace

@@ -10,14 +10,14 @@ async def test_launch_ends_when_there_is_nothing_left_to_do(launch, play):
     assert await play(launch.actions.LogInfo(msg=["a", "b"])) == (0, ["[INFO] [launch.user]: ab"])
 
 
-async def test_error_in_a_launch_file_is_one_line_and_ends_the_launch(launch, play):
-    code, lines = await play(
-        launch.actions.LogInfo(msg=launch.substitutions.LaunchConfiguration("nope")),
-        launch.actions.LogInfo(msg="not reached"),
-    )
+async def test_error_in_an_action_is_one_line_with_its_place_and_ends_the_launch(launch, play):
+    action = launch.actions.LogInfo(msg=launch.substitutions.LaunchConfiguration("nope"))
+    code, lines = await play(action, launch.actions.LogInfo(msg="not reached"))
     assert code == 1
+    line = test_error_in_an_action_is_one_line_with_its_place_and_ends_the_launch.__code__
     assert lines == [
         "[ERROR] [launch]: Caught exception in launch (see debug for traceback):"
+        f" {__file__}, line {line.co_firstlineno + 1}:"
         " launch configuration 'nope' does not exist"
     ]
 

@@ -157,3 +157,21 @@ async def test_prefix_is_put_in_front_of_matching_programs(launch, play):
         **{"launch-prefix": prefix, "launch-prefix-filter": "to"},
     )
     assert "cannot start 'no-such-9'" in lines[0]
+
+
+async def test_command_that_cannot_start_is_one_line(launch, play):
+    first = launch.actions.ExecuteProcess(cmd=["echo", "a\0b"])
+    code, lines = await play(first, launch.actions.ExecuteProcess(cmd="no such program"))
+    assert code == 0
+    assert lines[0].startswith("[ERROR] [echo-1]: cannot start 'echo': embedded null ")
+    assert "(each word of a command is an item of `cmd`, without `shell=True`);" in lines[1]
+
+
+async def test_ended_program_is_not_ended_again(launch):
+    service = launch.LaunchService()
+    action = launch.actions.ExecuteProcess(
+        cmd=[sys.executable, "-c", ""], respawn=True, respawn_max_retries=1
+    )
+    service.include_launch_description(launch.LaunchDescription([action]))
+    assert await service.run_async() == 0
+    assert service.context.at_end == []

@@ -23,6 +23,9 @@ class FakeTree:
         self.returncode = None
         self.end = asyncio.get_running_loop().create_future()
 
+    def has_processes(self):
+        return self.returncode is None
+
     @classmethod
     async def start(cls, command, on_output, *, cwd=None, env=None, has_terminal=False):
         words = command.split() if isinstance(command, str) else command
