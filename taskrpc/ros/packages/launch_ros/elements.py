@@ -12,6 +12,7 @@ from launch.utilities.type_utils import coerce_to_type
 
 from . import substitutions as s
 from .actions import not_here, settings
+from .actions.lifecycle import LifecycleNode
 from .actions.node import Node
 from .descriptions import ComposableNode
 from .parameter_descriptions import ParameterFile, ParameterValue
@@ -106,8 +107,8 @@ def _node(entity: Any, parser: Any) -> Any:
 
 
 def _lifecycle_node(entity: Any, parser: Any) -> Any:
-    entity.get_attr("autostart", optional=True)
-    return not_here.LifecycleNode(**_node_arguments(entity, parser))
+    autostart = entity.get_attr("autostart", data_type=bool, optional=True)
+    return LifecycleNode(autostart=bool(autostart), **_node_arguments(entity, parser))
 
 
 def _components(entity: Any, parser: Any) -> list[ComposableNode]:

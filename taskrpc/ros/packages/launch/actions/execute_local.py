@@ -33,6 +33,8 @@ from ..utilities.places import remember_place
 from ..utilities.type_utils import perform_typed_substitution
 
 _COUNT = "number of programs"
+_LONGEST_LINE = 2**20
+"""Bytes without the end of a line after which the launch prints them nevertheless."""
 _STREAMS = {1: "stdout", 2: "stderr"}
 _KINDS = {1: ProcessStdout, 2: ProcessStderr}
 
@@ -109,7 +111,7 @@ class ExecuteLocal(Action):
         """Set when the program must end, or must not start."""
         self._started = asyncio.Event()
         """Set when the program has started, or cannot be started."""
-        self._begun: dict[int, bytes] = {}
+        self._begun: dict[int, bytearray] = {}
         """The line that is not complete yet, by stream."""
         self._cached: dict[int, list[str]] = {1: [], 2: []}
         self._tasks: set[asyncio.Task[None]] = set()
@@ -322,17 +324,22 @@ class ExecuteLocal(Action):
     def _received(self, context: LaunchContext, stream: int, data: bytes) -> None:
         assert self._details is not None
         context.emit_event_sync(_KINDS[stream](text=data, **self._details))
-        *lines, rest = (self._begun.get(stream, b"") + data).split(b"\n")
-        self._begun[stream] = rest
-        for line in lines:
-            self._print(stream, line)
+        begun = self._begun.setdefault(stream, bytearray())
+        begun += data
+        if b"\n" in data or len(begun) > _LONGEST_LINE:
+            *lines, rest = bytes(begun).split(b"\n")
+            if len(rest) > _LONGEST_LINE:
+                lines, rest = [*lines, rest], b""
+            begun[:] = rest
+            for line in lines:
+                self._print(stream, line)
         if self._cached_output:
             self._cached[stream].append(data.decode(errors="replace"))
 
     def _flush(self) -> None:
         for stream, rest in self._begun.items():
             if rest:
-                self._print(stream, rest)
+                self._print(stream, bytes(rest))
         self._begun.clear()
 
     def _print(self, stream: int, line: bytes) -> None:

@@ -1,7 +1,6 @@
 """Events of ROS in launch files.
 
-`lifecycle` has the events of lifecycle nodes, which launch files import. taskrpc's launch does not
-act on them. Other events are in `launch.events`.
+`lifecycle` has the events of lifecycle nodes. Other events are in `launch.events`.
 """
 
 from . import lifecycle

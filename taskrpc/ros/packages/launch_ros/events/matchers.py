@@ -1,0 +1,5 @@
+"""Functions that choose nodes, under the name of ROS's module."""
+
+from .lifecycle import matches_node_name
+
+__all__ = ["matches_node_name"]
