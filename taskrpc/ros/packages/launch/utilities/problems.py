@@ -17,6 +17,8 @@ def explained(error: BaseException) -> str:
     # A library may have several lines to say: the log has one line for each problem.
     problem = "; ".join(line.strip() for line in problem.splitlines() if line.strip())
     problem = problem or type(error).__name__
+    if isinstance(error, RecursionError):
+        problem = "too deep: a launch file includes itself, or a function calls itself without end"
     step = _next_step(error, problem)
     place = place_of(error)
     is_told = isinstance(error, (RuntimeError, FileNotFoundError))

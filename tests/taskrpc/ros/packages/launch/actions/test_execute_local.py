@@ -175,3 +175,10 @@ async def test_ended_program_is_not_ended_again(launch):
     service.include_launch_description(launch.LaunchDescription([action]))
     assert await service.run_async() == 0
     assert service.context.at_end == []
+
+
+async def test_output_without_line_ends_is_printed_in_pieces(python, play):
+    size = 3 * 2**20
+    _, lines = await play(python(f"import sys; sys.stdout.write('x' * {size})"))
+    assert sum(line.count("x") for line in lines if line.startswith("[p-1] ")) == size
+    assert max(map(len, lines)) < 2**21

@@ -44,6 +44,11 @@ def line(launch, tmp_path):
             " before the launch: TURTLEBOT3_MODEL_X=VALUE",
         ),
         (
+            "def f(): f()\nf()",
+            "FILE, line 1: too deep: a launch file includes itself, or a function"
+            " calls itself without end",
+        ),
+        (
             "import xacro",
             "FILE, line 1: ModuleNotFoundError: No module named 'xacro'; it is a package of ROS 2"
             " that taskrpc does not have: PyPI has it; run pip install xacro",
