@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from taskrpc.errors import TaskRpcError
+from taskrpc.observer import Observer
 from taskrpc.ros.process_tree import ProcessTree
 from taskrpc.scenes import moments
 from taskrpc.scenes.moments import Moment
@@ -43,11 +44,26 @@ def excerpt(scene: Scene, *, cure: bool) -> Excerpt:
 
 
 async def play(
-    scene: Scene, report: Callable[[Moment], None], *, cure: bool = False, like_ros: bool = False
+    scene: Scene,
+    report: Callable[[Moment], None],
+    *,
+    cure: bool = False,
+    like_ros: bool = False,
+    observer: Observer | None = None,
 ) -> None:
-    """Run a program of a scene; `report` gets each thing when it happens."""
+    """Run a program of a scene.
+
+    Raises TaskRpcError if the computer is too busy.
+
+    Args:
+        scene: the scene.
+        report: gets each thing when it happens.
+        cure: run the corrected program.
+        like_ros: behave exactly like ROS 2.
+        observer: gets the calls of the robot, too.
+    """
     clock = SceneClock(report)
-    async with open_stage(scene, clock.report) as stage:
+    async with open_stage(scene, clock.report, observer) as stage:
         await run_on(stage, scene, clock, cure=cure, like_ros=like_ros)
 
 

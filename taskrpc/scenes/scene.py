@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
@@ -40,11 +41,15 @@ class Excerpt:
     marks: tuple[str, ...]
 
     def lines(self, program: str) -> list[Line]:
-        """Return the lines of a program; raises ValueError if a text is in none or several."""
+        """Return the lines of a program, moved to the left as far as possible.
+
+        Raises ValueError if a text is in no line, or in several.
+        """
         texts = program.splitlines()
         marked = {_index(texts, mark) for mark in self.marks}
         begin, end = _index(texts, self.first), _index(texts, self.last)
-        return [Line(at + 1, texts[at], at in marked) for at in range(begin, end + 1)]
+        moved = textwrap.dedent("\n".join(texts[begin : end + 1])).split("\n")
+        return [Line(at, text, at - 1 in marked) for at, text in enumerate(moved, begin + 1)]
 
     def line(self, program: str) -> Line:
         """Return the first marked line: the line of code of the scene."""

@@ -13,7 +13,7 @@ from typing import Any
 
 from taskrpc.callinfo import CallInfo
 from taskrpc.node import Node
-from taskrpc.observer import Observer
+from taskrpc.observer import Observer, Observers
 from taskrpc.robot import KinematicRobot, default_world
 from taskrpc.scenes import moments
 from taskrpc.scenes.scene import Scene
@@ -33,7 +33,9 @@ _POLL = 0.05
 
 
 @contextlib.asynccontextmanager
-async def open_stage(scene: Scene, report: Report) -> AsyncIterator[Stage]:
+async def open_stage(
+    scene: Scene, report: Report, observer: Observer | None = None
+) -> AsyncIterator[Stage]:
     """Set the stage for one program of a scene.
 
     It changes the process's environment while it is open: a process plays one scene at a time.
@@ -43,7 +45,9 @@ async def open_stage(scene: Scene, report: Report) -> AsyncIterator[Stage]:
             yield Stage(folder, None)
             return
         faults = CallFaults(*scene.faults, service=SERVICE) if scene.faults else None
-        node = Node("task_server", observer=CallReports(report), faults=faults)
+        reports = CallReports(report)
+        both = reports if observer is None else Observers(reports, observer)
+        node = Node("task_server", observer=both, faults=faults)
         robot = KinematicRobot(default_world(), speed=_SPEED)
         with reported_log(report):
             async with node, TaskServer(node, robot, MemoryStore(), settle=_SETTLE) as server:

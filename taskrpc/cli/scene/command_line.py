@@ -29,14 +29,26 @@ def configure(parser: ArgumentParser) -> None:
     add("--cure", action="store_true", help="Show and run only the corrected program")
     what = "Print the whole program and the name of its file, and run nothing"
     add("--code", action="store_true", help=what)
+    group = parser.add_argument_group("page")
+    add = group.add_argument
+    add("--page", action="store_true", help="Show the scenes in the browser, with buttons")
+    add("--port", type=int, help="The port of the page; links on slides contain it. Default: 8738")
+    add("--no-browser", action="store_true", help="Print the links instead of opening a browser")
     parser.set_defaults(run=_run)
 
 
-def _run(options: Namespace) -> Exit:
+def _run(options: Namespace) -> int:
     from taskrpc.cli.scene.screen import Screen
     from taskrpc.cli.shared.command import UsageError
     from taskrpc.scenes.catalogue import SCENES, scene
 
+    if options.page:
+        return _serve(options)
+    for option in ("port", "no_browser"):
+        if getattr(options, option):
+            raise UsageError(
+                f"--{option.replace('_', '-')} belongs to --page: taskrpc scene --page"
+            )
     screen = Screen(shutil.get_terminal_size().columns, _is_coloured())
     if options.name is None:
         if options.cure or options.code or options.like_ros:
@@ -53,6 +65,18 @@ def _run(options: Namespace) -> Exit:
         _wait_for_enter(screen)
     _show(chosen, screen, cure=True, like_ros=options.like_ros)
     return Exit.DONE
+
+
+def _serve(options: Namespace) -> int:
+    """Serve the page of the scenes until Ctrl-C."""
+    from taskrpc.cli.scene.page import serve  # needs aiohttp
+    from taskrpc.cli.shared.command import UsageError
+    from taskrpc.scenes.catalogue import scene
+
+    if options.cure or options.code or options.like_ros:
+        raise UsageError("--page has buttons for --cure and --like-ros: leave these options out")
+    name = "" if options.name is None else scene(options.name).name
+    return serve(name, port=options.port, browser=not options.no_browser)
 
 
 def _show(scene: Scene, screen: Screen, *, cure: bool, like_ros: bool) -> None:

@@ -39,12 +39,11 @@ class Screen:
 
     def code(self, lines: Sequence[Line]) -> list[str]:
         """Return lines of a program with their numbers; a mark points at some of them."""
-        indent = min(len(each.text) - len(each.text.lstrip()) for each in lines if each.text)
-        return [*(self._code(each, indent) for each in lines), ""]
+        return [*(self._code(each) for each in lines), ""]
 
-    def _code(self, line: Line, indent: int) -> str:
+    def _code(self, line: Line) -> str:
         mark = ">" if line.is_marked else " "
-        text = f"{mark} {line.number:>3}  {line.text[indent:]}".rstrip()
+        text = f"{mark} {line.number:>3}  {line.text}".rstrip()
         return self._in(_MARKED, text) if line.is_marked else text
 
     def moment(self, moment: Moment) -> list[str]:

@@ -11,6 +11,7 @@ import { Keyboard, Tabs } from "./keyboard.js";
 import { MapView } from "./map.js";
 import { Model } from "./model.js";
 import { Recording } from "./recording.js";
+import { SceneView } from "./scene.js";
 import { SlowMotion } from "./slow_motion.js";
 import { StatusView } from "./status.js";
 import { TasksView } from "./tasks.js";
@@ -35,6 +36,7 @@ const list = new CallList(model);
 const graph = new GraphView(model);
 const students = new ClassView(model);
 const status = new StatusView(model);
+const views = [status, controls, map, tasks, calls, slow, graph, students, ...(query.has("scene") ? [new SceneView(model, act)] : [])];
 let recording = null;
 
 const tabs = new Tabs(byId("tabs"), (panel) => {
@@ -160,7 +162,7 @@ function frame(time) {
   const { changed } = model;
   if (changed.size) {
     model.changed = new Set();
-    for (const view of [status, controls, map, tasks, calls, slow, graph, students]) view.update(changed);
+    for (const view of views) view.update(changed);
     model.new_calls = [];
     if (wanted?.hidden === false) {
       tabs.choose(wanted);

@@ -51,7 +51,7 @@ export class Model {
 
   /** Forget all state except the `hello` event: after a restart, or a jump in a recording. */
   reset() {
-    this.tasks = this.robot = this.scan = this.graph = this.fleet = this.students = null;
+    this.tasks = this.robot = this.scan = this.graph = this.fleet = this.students = this.scene = null;
     this.tasks_at = 0; // the server's time of the newest `tasks` event; estimates count from it
     this.poses = [];
     this.trail = [];
@@ -61,7 +61,7 @@ export class Model {
     this.new_calls = []; // calls of the events since the last frame
     this.skipped = 0; // calls that the server did not send
     this.stats = NO_STATS;
-    for (const name of ["reset", "tasks", "robot", "path", "scan", "calls", "graph", "fleet", "class"]) this.changed.add(name);
+    for (const name of ["reset", "tasks", "robot", "path", "scan", "calls", "graph", "fleet", "class", "scene"]) this.changed.add(name);
   }
 
   now() {
@@ -133,6 +133,11 @@ export class Model {
       this.trail.push([data.x, data.y]);
       if (this.trail.length > TRAIL) this.trail.shift();
     }
+  }
+
+  apply_scene(data) {
+    if (data.number !== this.scene?.number) this.reset(); // the calls of earlier runs would have the same ids
+    this.scene = data;
   }
 
   apply_task(data) {

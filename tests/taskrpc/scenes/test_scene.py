@@ -16,6 +16,11 @@ def test_excerpt_has_the_lines_with_their_numbers():
     ]
 
 
+def test_excerpt_is_moved_to_the_left():
+    lines = Excerpt("for", "more", ()).lines("def f():\n    for x in y:\n        more()\n")
+    assert [line.text for line in lines] == ["for x in y:", "    more()"]
+
+
 def test_line_is_the_first_marked_one():
     assert Excerpt("begin", "end", ("end", "call")).line(PROGRAM).number == 3
 

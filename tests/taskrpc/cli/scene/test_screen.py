@@ -15,8 +15,8 @@ def test_title_names_scene_and_part():
     assert screen.title(DEADLOCK, cure=True, like_ros=True)[0].endswith("(deadlock, the cure)")
 
 
-def test_code_is_moved_to_the_left_and_marked():
-    lines = [Line(9, "    if a:", False), Line(10, "", False), Line(11, "        b()", True)]
+def test_code_has_numbers_and_a_mark():
+    lines = [Line(9, "if a:", False), Line(10, "", False), Line(11, "    b()", True)]
     assert Screen().code(lines) == ["    9  if a:", "   10", ">  11      b()", ""]
 
 
