@@ -46,7 +46,7 @@ async def _absent(trial):
     code = await client.finished(60.0 + 2 * retry.total)
     if code is None:
         raise NotMet(
-            "the client to give up if there is no robot",
+            "the client to end its attempts if there is no robot",
             "it still runs",
             "wait_for_service has an argument timeout_sec",
         )
@@ -56,5 +56,5 @@ async def _absent(trial):
 CHECKS = (
     Check("a late response does no harm", 1, _late),
     Check("an attempt that fails is repeated", 1, _fails),
-    Check("the client gives up if there is no robot", 1, _absent),
+    Check("the client ends its attempts if there is no robot", 1, _absent),
 )

@@ -40,7 +40,7 @@ class Retry:
 
     @property
     def total(self) -> float:
-        """The seconds until the client gives up."""
+        """The seconds until the client ends its attempts."""
         waits = sum(self.wait(number) for number in range(1, self.attempts))
         return self.attempts * self.timeout + waits
 
@@ -297,10 +297,10 @@ async def _gives_up(trial: Trial) -> None:
 
 
 def expect_one_line(program: Program, code: int, target: str, retry: Retry) -> None:
-    """Raise NotMet if the client does not say in one line that it gives up."""
+    """Raise NotMet if the client does not say in one line that it tries no more."""
     if any("Traceback" in line for line in program.output):
         raise NotMet(
-            "one line that says that the client gives up",
+            "one line that says that the client tries no more",
             f"a traceback; {ended(program, code)}",
             "what does the function return if there is no response?",
         )
@@ -350,7 +350,7 @@ LAB = Lab(
         Check(_FIRST, 2, _prints),
         Check(_SECOND, 2, _repeats, needs=(_FIRST,)),
         Check("each task runs once", 2, _runs_once, needs=(_SECOND,)),
-        Check("the waits double, and the client gives up", 3, _gives_up, needs=(_SECOND,)),
+        Check("the waits double, and the client ends its attempts", 3, _gives_up, needs=(_SECOND,)),
         Check("a rejected task is not repeated", 1, _rejected, needs=(_FIRST,)),
     ),
 )
