@@ -37,18 +37,37 @@ class Finding:
         return self.check.points if self.passed else 0.0
 
 
-async def findings(lab: Lab, new_trial: NewTrial) -> AsyncIterator[Finding]:
-    """Run the checks of a lab and yield what each one found, in their order."""
+async def findings(
+    lab: Lab, new_trial: NewTrial, again: Callable[[], bool] = lambda: False
+) -> AsyncIterator[Finding]:
+    """Run the checks of a lab and yield what each one found, in their order.
+
+    Args:
+        lab: the lab.
+        new_trial: makes the trial of each check.
+        again: called after a check that did not pass; returns whether to run it once more, for
+            example because the machine was too busy.
+    """
     failed: set[str] = set()
     for check in lab.checks:
         missing = next((title for title in check.needs if title in failed), "")
         finding = Finding(check, waits_for=missing)
         if not missing:
-            try:
-                async with new_trial() as trial:
-                    await check.run(trial)
-            except NotMet as problem:
+            while problem := await _problem(check, new_trial):
                 finding = Finding(check, problem)
+                if not again():
+                    break
+            else:
+                finding = Finding(check)
         if not finding.passed:
             failed.add(check.title)
         yield finding
+
+
+async def _problem(check: Check, new_trial: NewTrial) -> NotMet | None:
+    try:
+        async with new_trial() as trial:
+            await check.run(trial)
+    except NotMet as problem:
+        return problem
+    return None

@@ -54,6 +54,8 @@ class Lab:
         files: the starter files, as paths below `files/labN`; the student changes them.
         values: the texts that replace `@NAME@` in the starter files, for a variant.
         checks: in the order in which they run.
+        speed: how many times faster time passes while the lab is checked: programs, checks and
+            their timeouts. Below 10, so that a busy machine causes no failures.
     """
 
     number: int
@@ -63,3 +65,4 @@ class Lab:
     files: tuple[str, ...]
     values: Callable[[Variant], Mapping[str, str]] = field(repr=False)
     checks: tuple[Check, ...] = field(repr=False)
+    speed: float = 5.0

@@ -1,15 +1,14 @@
 """Each solution passes its lab, and each wrong submission gets the message that explains it."""
 
-import dataclasses
 import re
 
 import pytest
 
-from taskrpc.labs.catalogue import LABS, lab
-from taskrpc.labs.grading import findings
-from taskrpc.labs.sandbox.child_trial import child_trial
+from taskrpc.labs.catalogue import LABS
+from taskrpc.labs.grader import grade
+from taskrpc.labs.sandbox.worker import Request
 from taskrpc.labs.variants import Variant
-from tests.labs.submissions import LECTURERS, hidden_checks, solution_of, submission
+from tests.labs.submissions import LECTURERS, solution_of, submission
 
 pytestmark = [pytest.mark.labs, pytest.mark.real_time]
 WRONG = sorted(LECTURERS.glob("lab*/wrong/*"))
@@ -17,15 +16,15 @@ PASSES_WITHOUT_HIDDEN_CHECKS = sorted(LECTURERS.glob("lab*/hidden_wrong/*"))
 _MESSAGE = re.compile(r"# The check says: (.*)")
 
 
-def with_hidden_checks(number):
-    return dataclasses.replace(lab(number), checks=hidden_checks(number))
-
-
-async def problems(chosen, folder, variant):
-    """Return the checks that failed, each with its problem."""
-    trial = lambda: child_trial(folder, variant)  # noqa: E731
-    results = [each async for each in findings(chosen, trial)]
-    return [(each.check.title, each.problem) for each in results if not each.passed]
+async def problems(number, folder, variant, *, hidden=False):
+    """Return the titles of the checks that failed, as `taskrpc lab check` runs them, and why."""
+    request = Request(str(folder), number, variant.id, str(LECTURERS) if hidden else None)
+    graded = await grade(request, "ada")
+    assert graded.stopped == ""
+    failed = [each for each in graded.results if not each.passed]
+    return [
+        (each.title, f"expected {each.expected}; {each.happened}; {each.look}") for each in failed
+    ]
 
 
 def expected_message(source):
@@ -48,23 +47,23 @@ def name_of(source):
 @pytest.mark.parametrize("each", LABS, ids=lambda each: f"lab{each.number}")
 async def test_solution_passes(each, id, tmp_path):
     submission(each.number, solution_of(each.number), tmp_path, Variant(id))
-    assert await problems(each, tmp_path, Variant(id)) == []
+    assert await problems(each.number, tmp_path, Variant(id)) == []
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=name_of)
 async def test_wrong_submission_gets_its_message(wrong, tmp_path):
     number = number_of(wrong)
     submission(number, wrong, tmp_path, Variant("grace"))
-    found = await problems(lab(number), tmp_path, Variant("grace"))
+    found = await problems(number, tmp_path, Variant("grace"))
     assert found, "the checks accept it"
-    assert expected_message(wrong) in str(found[0][1])
+    assert expected_message(wrong) in found[0][1]
 
 
 @pytest.mark.parametrize("wrong", PASSES_WITHOUT_HIDDEN_CHECKS, ids=name_of)
 async def test_hidden_checks_find_what_the_public_ones_accept(wrong, tmp_path):
     number = number_of(wrong)
     submission(number, wrong, tmp_path, Variant("grace"))
-    assert await problems(lab(number), tmp_path, Variant("grace")) == []
-    found = await problems(with_hidden_checks(number), tmp_path, Variant("grace"))
+    assert await problems(number, tmp_path, Variant("grace")) == []
+    found = await problems(number, tmp_path, Variant("grace"), hidden=True)
     assert found, "the hidden checks accept it"
     assert expected_message(wrong) in f"{found[0][0]}: {found[0][1]}"

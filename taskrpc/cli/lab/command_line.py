@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
+from taskrpc.cli.lab.check import configure as configure_check
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.parsing import add_command, add_group
 
@@ -18,9 +19,7 @@ def configure(parser: ArgumentParser) -> None:
     start.add_argument("--variant", metavar="ID", default="", help=what)
     start.set_defaults(run=_start)
     check = add_command(commands, "check", "Check the lab in this folder, and explain what fails")
-    what = "the lab, 1 to 6; the default is the lab that was started in this folder"
-    check.add_argument("number", type=int, metavar="N", nargs="?", help=what)
-    check.set_defaults(run=_check)
+    configure_check(check)
 
 
 def _start(options: Namespace) -> Exit:
@@ -35,36 +34,3 @@ def _start(options: Namespace) -> Exit:
     print(f"Your files: {' '.join(path.name for path in paths)}")
     print("Try next: open server.py, then run `taskrpc lab check`")
     return Exit.DONE
-
-
-def _check(options: Namespace) -> Exit:
-    import asyncio
-
-    from taskrpc.errors import TaskRpcError
-    from taskrpc.labs.catalogue import lab
-    from taskrpc.labs.grading import findings
-    from taskrpc.labs.sandbox.child_trial import child_trial
-    from taskrpc.labs.starter import read_record
-    from taskrpc.labs.variants import Variant
-
-    record = read_record(Path.cwd())
-    if record is None and options.number is None:
-        raise TaskRpcError("expected a lab in this folder, found none: `taskrpc lab start 1`")
-    number, variant = record or (options.number, "")
-    chosen = lab(options.number or number)
-
-    async def run() -> bool:
-        passed = True
-        async for each in findings(chosen, lambda: child_trial(Path.cwd(), Variant(variant))):
-            print(
-                ("ok    " if each.passed else "wait  " if each.waits_for else "no    ")
-                + each.check.title
-            )
-            if each.problem:
-                print(f"      expected: {each.problem.expected}")
-                print(f"      happened: {each.problem.happened}")
-                print(f"      look:     {each.problem.look}")
-            passed = passed and each.passed
-        return passed
-
-    return Exit.DONE if asyncio.run(run()) else Exit.ERROR

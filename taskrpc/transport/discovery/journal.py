@@ -7,6 +7,7 @@ line, or the rest of an old one. When the changes outgrow the entry, a new whole
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 import zlib
@@ -57,7 +58,8 @@ class Journal:
         tracked.apply(change)
         # Two writes within one tick of the system's clock must still differ in their times.
         self._written = max(time.time_ns(), self._written + TIME_STEP)
-        os.utime(self._path, ns=(self._written, self._written))
+        with contextlib.suppress(FileNotFoundError):  # removed: no other process can read it
+            os.utime(self._path, ns=(self._written, self._written))
 
     def close(self) -> None:
         """Close the file, which releases its lock."""

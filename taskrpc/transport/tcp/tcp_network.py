@@ -58,6 +58,8 @@ class TcpNetwork:
     native = None
     problem = ""
     discovery_ends = 0.0
+    default_place = "127.0.0.1:0"
+    """Where programs listen that choose no place; "unix:" in a process without TCP."""
 
     def __init__(
         self,
@@ -81,7 +83,7 @@ class TcpNetwork:
         self._peers = [_checked_place(peer) for peer in peers]
         self._peer_token = token
         """The token that the user gave; None if `token` is a random one."""
-        self._listen_at = listen or "127.0.0.1:0"
+        self._listen_at = listen or self.default_place
         self._registry = Registry(domain)
         self._listener: Listener | None = None
         self._remove_socket: Callable[[], object] = lambda: None

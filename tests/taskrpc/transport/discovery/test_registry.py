@@ -445,3 +445,13 @@ def test_kernel_of_a_notebook_is_named_after_the_notebook(session, name, monkeyp
     if session:
         monkeypatch.setenv("JPY_SESSION_NAME", session)
     assert registry_module.this_process().script == name
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no open files")
+def test_a_process_whose_file_was_removed_can_still_publish(registry):
+    publish(registry, entry())
+    for path in registry._folder.iterdir():
+        path.unlink()
+    publish(registry, entry())
+    registry.close()
+    assert [path.name for path in registry._folder.iterdir()] == ["lock"]

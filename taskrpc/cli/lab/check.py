@@ -1,0 +1,138 @@
+"""`taskrpc lab check`: checks the lab in a folder, or those of all students."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import sys
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from taskrpc.cli.shared.command import Exit, UsageError
+
+TYPE_CHECKING = False  # typing itself is heavy
+if TYPE_CHECKING:
+    from taskrpc.labs.report import Graded, Result
+    from taskrpc.labs.sandbox.worker import Request
+
+
+def configure(parser: ArgumentParser) -> None:
+    """Give the parser of `taskrpc lab check` its arguments."""
+    what = "the lab, 1 to 6; the default is the lab that was started in this folder"
+    parser.add_argument("number", type=int, metavar="N", nargs="?", help=what)
+    what = "check for this student or group (default: as in `taskrpc lab start`)"
+    parser.add_argument("--variant", metavar="ID", help=what)
+    what = "a folder with further checks of the lecturer: labN/hidden.py"
+    parser.add_argument("--hidden", metavar="FOLDER", help=what)
+    what = "check all submissions in this folder: one folder or .zip file for each student"
+    parser.add_argument("--all", metavar="FOLDER", help=what)
+    what = "with --all: write a table to this file (default: to standard output)"
+    parser.add_argument("--csv", metavar="FILE", nargs="?", const="-", help=what)
+    what = "with --all: how many to check at the same time (default: the number of processors)"
+    parser.add_argument("--jobs", type=int, metavar="N", help=what)
+    what = "print the results.json of Gradescope"
+    parser.add_argument("--json", action="store_true", help=what)
+    parser.set_defaults(run=run)
+
+
+def run(options: Namespace) -> Exit:
+    """Check. Raises TaskRpcError."""
+    from srvgen.cli import process
+
+    _check_options(options)
+    process.start_work()
+    if options.all is None:
+        return asyncio.run(_check_one(options))
+    return _check_all(options)
+
+
+def _check_options(options: Namespace) -> None:
+    from taskrpc.labs import catalogue
+    from taskrpc.labs.hidden import hidden_checks
+
+    if options.number is not None:
+        catalogue.lab(options.number)
+    if options.all is None and (options.csv is not None or options.jobs is not None):
+        option = "--csv" if options.csv is not None else "--jobs"
+        raise UsageError(f"{option} needs --all FOLDER, the folder with all submissions")
+    if options.all is not None and options.json:
+        raise UsageError("--json is for one submission; use --csv with --all")
+    if options.all is not None and options.variant is not None:
+        raise UsageError("--variant is for one submission; with --all each has its own")
+    if options.jobs is not None and options.jobs < 1:
+        raise UsageError(f"--jobs: expected a number of at least 1, got {options.jobs}")
+    if options.hidden is not None:
+        for lab in catalogue.LABS:  # a mistake in the lecturer's files is not each student's
+            hidden_checks(Path(options.hidden).resolve(), lab)
+
+
+def _request(options: Namespace, source: Path) -> Request:
+    from taskrpc.labs.sandbox.worker import Request
+
+    hidden = None if options.hidden is None else str(Path(options.hidden).resolve())
+    return Request(str(source.resolve()), options.number, options.variant, hidden)
+
+
+async def _check_one(options: Namespace) -> Exit:
+    import json
+
+    from taskrpc.errors import TaskRpcError
+    from taskrpc.labs import grader, report
+
+    def show(result: Result) -> None:
+        if not options.json:
+            print("\n".join(report.lines_of(result, colours=_has_colours())), flush=True)
+
+    here = Path.cwd()
+    graded = await grader.grade(_request(options, here), here.name, show)
+    if options.json:
+        print(json.dumps(report.gradescope(graded), indent=2))
+        return Exit.DONE  # Gradescope takes another exit code for a failure of the grader
+    if graded.stopped and graded.about is None:
+        raise TaskRpcError(report.plain(graded.stopped))
+    print()
+    print("\n".join(report.summary(graded)))
+    return Exit.DONE if graded.passed else Exit.ERROR
+
+
+def _check_all(options: Namespace) -> Exit:
+    from taskrpc.labs import report
+    from taskrpc.labs.grader import submissions
+
+    sources = submissions(Path(options.all))
+    if options.csv in (None, "-"):
+        graded = asyncio.run(_graded(options, sources))
+    else:
+        # Opened first: a table that cannot be written is no news after minutes. The mark at its
+        # begin tells spreadsheets that it is UTF-8.
+        with Path(options.csv).open("w", encoding="utf-8-sig", newline="") as table:
+            graded = asyncio.run(_graded(options, sources))
+            table.write(report.as_csv(graded))
+    if options.csv == "-":
+        print(report.as_csv(graded), end="")
+    for one, remark in zip(graded, report.remarks(graded), strict=True):
+        if options.csv is None and remark and remark != one.stopped:
+            print(f"{report.plain(one.student)}: {report.plain(remark)}")
+    return Exit.DONE
+
+
+async def _graded(options: Namespace, sources: list[Path]) -> list[Graded]:
+    """Grade submissions, and print each result when it is there."""
+    from taskrpc.labs import report
+    from taskrpc.labs.grader import grade_all
+
+    jobs = options.jobs or os.cpu_count() or 1
+    graded: list[Graded] = []
+    # Progress is not part of a table on standard output.
+    stream = sys.stdout if options.csv is None else sys.stderr
+    async for one in grade_all(sources, lambda source: _request(options, source), jobs):
+        graded.append(one)
+        points = f"{report.number(one.points)} of {report.number(one.most)}"
+        stopped = f"  {report.plain(one.stopped)}" if one.stopped else ""
+        count = f"{len(graded)}/{len(sources)}"
+        print(f"{count}  {report.plain(one.student)}: {points}{stopped}", file=stream, flush=True)
+    return sorted(graded, key=lambda one: one.student)
+
+
+def _has_colours() -> bool:
+    return sys.stdout.isatty() and "NO_COLOR" not in os.environ

@@ -1,0 +1,121 @@
+"""Grades submissions, each in a process of its own that cannot stop or fool this one."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator, Callable, Sequence
+from pathlib import Path
+
+import msgspec
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.labs import catalogue
+from taskrpc.labs.hidden import hidden_checks
+from taskrpc.labs.report import About, Graded, Line, Result, Stopped
+from taskrpc.labs.sandbox import boot
+from taskrpc.labs.sandbox.child import system_environment
+from taskrpc.labs.sandbox.worker import Request
+from taskrpc.ros.process_tree import ProcessTree
+
+LIMIT = 90.0
+"""Seconds of one submission: a lab takes at most 5 on a quiet machine."""
+_KEPT = 2000
+"""Last bytes of standard error that are kept, to explain a crash."""
+
+OnResult = Callable[[Result], None]
+
+
+async def grade(request: Request, student: str, on_result: OnResult = lambda _: None) -> Graded:
+    """Grade one submission. Raises TaskRpcError if `request` itself is wrong."""
+    began = time.monotonic()
+    lines: list[Line] = []
+    rest = b""
+    errors = b""
+
+    def written(stream: int, data: bytes) -> None:
+        nonlocal rest, errors
+        if stream == 2:
+            errors = (errors + data)[-_KEPT:]
+            return
+        *complete, rest = (rest + data).split(b"\n")
+        for each in complete:
+            line = msgspec.json.decode(each, type=Line)
+            lines.append(line)
+            if isinstance(line, Result):
+                on_result(line)
+
+    command = boot.command("worker", msgspec.json.encode(request).decode())
+    tree = await ProcessTree.start(command, written, env=system_environment())
+    stopped = ""
+    try:
+        async with asyncio.timeout(LIMIT):
+            code = await tree.wait()
+        if code != 0:
+            last = errors.decode(errors="replace").strip().rpartition("\n")[2]
+            stopped = f"the process of the checks ended with {code}: {last}"
+    except TimeoutError:
+        stopped = f"the checks did not end within {LIMIT:g} s"
+    finally:
+        # A cancelled command leaves nothing either: see `fork_server` for the programs.
+        tree.kill()
+        with contextlib.suppress(asyncio.CancelledError):
+            await asyncio.shield(tree.wait())
+    stopped = next((each.reason for each in lines if isinstance(each, Stopped)), stopped)
+    about = next((each for each in lines if isinstance(each, About)), None)
+    results = tuple(each for each in lines if isinstance(each, Result))
+    seconds = time.monotonic() - began
+    return Graded(student, about, results, _most(request, about), stopped, seconds)
+
+
+def _most(request: Request, about: About | None) -> float:
+    """Return the points of all checks."""
+    number = about.lab if about else request.lab
+    if number is None:
+        return 0.0
+    lab = catalogue.lab(number)
+    more = () if request.hidden is None else hidden_checks(Path(request.hidden), lab)
+    return sum(each.points for each in (*lab.checks, *more))
+
+
+def submissions(folder: Path) -> list[Path]:
+    """Return the submissions in a folder: each folder and each ZIP file in it.
+
+    Raises TaskRpcError if there are none.
+    """
+    try:
+        found = sorted(each for each in folder.iterdir() if not each.name.startswith("."))
+    except OSError as error:
+        raise TaskRpcError(
+            f"--all: expected a folder with the submissions, got {folder}: {error.strerror}"
+        ) from None
+    found = [
+        each
+        for each in found
+        if not each.is_symlink() and (each.is_dir() or each.suffix.lower() == ".zip")
+    ]
+    if not found:
+        raise TaskRpcError(f"--all: expected a folder or .zip file for each student in {folder}")
+    return found
+
+
+async def grade_all(
+    sources: Sequence[Path], request: Callable[[Path], Request], jobs: int
+) -> AsyncIterator[Graded]:
+    """Grade submissions, some at the same time; yields each one when it is ready."""
+    free = asyncio.Semaphore(jobs)
+
+    async def one(source: Path) -> Graded:
+        async with free:
+            name = source.stem if source.suffix.lower() == ".zip" else source.name
+            return await grade(request(source), name)
+
+    tasks = [asyncio.ensure_future(one(source)) for source in sources]
+    try:
+        for task in asyncio.as_completed(tasks):
+            yield await task
+    finally:
+        for each in tasks:
+            each.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

@@ -1,0 +1,99 @@
+"""The start of each program under check: clock and limits first, then the student's file.
+
+On POSIX `fork_server` calls `run` in a process that has imported everything; on Windows
+`boot.command` starts this module.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import tempfile
+from pathlib import Path
+
+import msgspec
+
+from taskrpc.labs.sandbox import guard, linux, speed
+from taskrpc.labs.sandbox.limits import limit_this_process
+
+
+class Start(msgspec.Struct, frozen=True):
+    """A program to start.
+
+    Attributes:
+        file: its path in the folder of the submission.
+        arguments: of its command line.
+        place: the folder of this check: the program may change the folders in it, nothing else.
+        speed: how much faster its time passes.
+        wall: the wall clock of the process that checks: see `speed.set_speed`.
+    """
+
+    file: str
+    arguments: tuple[str, ...]
+    place: str
+    speed: float = 1.0
+    wall: tuple[int, int] | None = None
+
+
+def environment(place: Path) -> dict[str, str]:
+    """Return all variables that a program under check sees, and make the folders they name."""
+    folders = {"HOME": "home", "TMPDIR": "tmp", "XDG_RUNTIME_DIR": "run"}
+    for name in folders.values():
+        (place / name).mkdir(mode=0o700, exist_ok=True)
+    env = {variable: str(place / name) for variable, name in folders.items()}
+    env |= {"XDG_STATE_HOME": env["HOME"], "XDG_CACHE_HOME": env["HOME"]}
+    env |= {"NO_COLOR": "1", "OPENBLAS_NUM_THREADS": "1"}
+    if sys.platform == "win32":
+        env |= dict.fromkeys(("TEMP", "TMP"), env["TMPDIR"])
+        env |= dict.fromkeys(("USERPROFILE", "APPDATA", "LOCALAPPDATA"), env["HOME"])
+    return system_environment() | env
+
+
+def system_environment() -> dict[str, str]:
+    """Return the variables that Python itself needs, and none of the user's."""
+    env = {"PATH": os.defpath, "PYTHONUTF8": "1", "LC_ALL": "C.UTF-8"}
+    if sys.platform == "win32":
+        kept = ("SYSTEMROOT", "WINDIR", "PATH", "COMSPEC", "NUMBER_OF_PROCESSORS", "TEMP", "TMP")
+    else:
+        kept = ("TMPDIR",)
+    return env | {name: os.environ[name] for name in kept if name in os.environ}
+
+
+def run(start: Start) -> int:
+    """Confine this process, and run the program in it; returns its exit code."""
+    from taskrpc.errors import TaskRpcError
+    from taskrpc.ros import runner
+    from taskrpc.transport.tcp.tcp_network import TcpNetwork
+
+    place = Path(start.place)
+    os.environ.clear()
+    os.environ.update(environment(place))
+    os.chdir(place / "submission")
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    sys.dont_write_bytecode = True
+    tempfile.tempdir = None  # found again, in the new environment
+    speed.set_speed(start.speed, start.wall)
+    for stream in (sys.stdout, sys.stderr):
+        # As on a terminal: the checks see each line when the program writes it.
+        stream.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
+    linux.die_with_parent()
+    limit_this_process()
+    readable = guard.readable()
+    writable = [place / name for name in ("submission", "home", "tmp", "run")]
+    linux.limit_files(readable, [*writable, Path(os.devnull)])
+    if linux.forbid_system_calls():
+        TcpNetwork.default_place = "unix:"
+    for name in [each for each in sys.modules if each.partition(".")[0] in ("ctypes", "_ctypes")]:
+        del sys.modules[name]
+    guard.install(readable, writable)
+    try:
+        return runner.run_script(Path(start.file), start.arguments)
+    except TaskRpcError as error:
+        print("\n  hint: ".join([str(error), *getattr(error, "__notes__", ())]), file=sys.stderr)
+        return 1
+
+
+def main(request: str) -> int:
+    """Run the program of a request; the entry point on Windows."""
+    return run(msgspec.json.decode(request, type=Start))

@@ -1,0 +1,93 @@
+"""The options of `taskrpc lab check`, and what it prints."""
+
+import csv
+import json
+
+import pytest
+
+from taskrpc.cli.main import main
+from taskrpc.labs import grader
+from taskrpc.labs.report import About, Graded, Result
+
+PASSED = Result("the server adds", 3, True)
+FAILED = Result("the server logs", 1, False, "a line", "none\x1b[2J", "see get_logger")
+
+
+@pytest.fixture(autouse=True)
+def graded(monkeypatch, tmp_path):
+    """Grade without processes: the results by the name of the submission."""
+    found = {"ada": [PASSED], "bob": [PASSED, FAILED]}
+
+    async def grade(request, student, on_result=lambda _: None):
+        for each in found.get(student, []):
+            on_result(each)
+        about = About(1, "", "") if student in found else None
+        stopped = "" if student in found else "it is too large"
+        return Graded(student, about, tuple(found.get(student, [])), 4, stopped, 1.0)
+
+    monkeypatch.setattr(grader, "grade", grade)
+    for name in ("ada", "bob", "eve"):
+        (tmp_path / "class" / name).mkdir(parents=True)
+    return tmp_path
+
+
+def test_a_failed_check_is_explained_and_its_text_cannot_control_the_terminal(
+    graded, monkeypatch, capsys
+):
+    monkeypatch.chdir(graded / "class" / "bob")
+    assert main(["lab", "check"]) == 1
+    output = capsys.readouterr().out
+    assert "no    the server logs (0 of 1)\n      expected: a line\n" in output
+    assert "happened: none\\x1b[2J\n" in output
+    assert "3 of 4 points\nNext: correct" in output
+
+
+def test_a_folder_that_cannot_be_checked_is_one_line(graded, monkeypatch, capsys):
+    monkeypatch.chdir(graded / "class" / "eve")
+    assert main(["lab", "check"]) == 1
+    captured = capsys.readouterr()
+    assert (captured.out, captured.err) == ("", "it is too large\n")
+
+
+def test_json_succeeds_also_for_a_wrong_submission(graded, monkeypatch, capsys):
+    monkeypatch.chdir(graded / "class" / "bob")
+    assert main(["lab", "check", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["score"] == 3
+
+
+def test_all_submissions_become_a_table(graded, capsys):
+    table = graded / "points.csv"
+    folder = str(graded / "class")
+    assert main(["lab", "check", "--all", folder, "--csv", str(table), "--jobs", "2"]) == 0
+    rows = list(csv.DictReader(table.read_text(encoding="utf-8-sig").splitlines()))
+    assert [(row["student"], row["points"], row["remark"]) for row in rows] == [
+        ("ada", "3", ""),
+        ("bob", "3", ""),
+        ("eve", "0", "it is too large"),
+    ]
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert "3/3" in captured.err
+
+
+def test_a_table_on_standard_output_is_not_mixed_with_progress(graded, capsys):
+    assert main(["lab", "check", "--all", str(graded / "class"), "--csv"]) == 0
+    assert capsys.readouterr().out.startswith("student,lab,variant,points,max,the server adds")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["9"], "there is no lab 9"),
+        (["--csv"], "--csv needs --all FOLDER"),
+        (["--jobs", "2"], "--jobs needs --all FOLDER"),
+        (["--all", ".", "--json"], "--json is for one submission"),
+        (["--all", ".", "--variant", "x"], "--variant is for one submission"),
+        (["--all", ".", "--jobs", "0"], "--jobs: expected a number of at least 1, got 0"),
+        (["--all", "nowhere"], "--all: expected a folder with the submissions"),
+        (["--hidden", "nowhere"], "--hidden: expected a folder"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_named(capsys, arguments, words):
+    assert main(["lab", "check", *arguments]) in (1, 2)
+    assert words in capsys.readouterr().err
