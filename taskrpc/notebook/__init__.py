@@ -2,8 +2,8 @@
 
 After that, a cell can be run again: its nodes replace those of its last run. Errors of taskrpc take
 one line. The functions here spin nodes in the background and show the robot. `session` has what a
-notebook has once, `nodes` replaces nodes, `live` and `picture` draw, and only `jupyter` uses
-IPython. Nothing else in taskrpc imports this package.
+notebook has once, `nodes` replaces nodes, `live` and `picture` draw, `labs` has the files of a lab,
+and only `jupyter` uses IPython. Nothing else in taskrpc imports this package.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 
 from taskrpc.notebook.session import session
 
-__all__ = ["load_ipython_extension", "spin", "start_robot", "stop_robot", "view"]
+__all__ = ["check", "lab", "load_ipython_extension", "spin", "start_robot", "stop_robot", "view"]
 
 
 def load_ipython_extension(ipython: Any) -> None:
@@ -57,3 +57,18 @@ def start_robot(speed: float = 1.0, map: str = "") -> None:
 def stop_robot() -> None:
     """Stop the robot of `start_robot`; its tasks are forgotten."""
     session().stop_robot()
+
+
+def lab(number: int) -> None:
+    """Begin or continue a lab of the course, in the folder `labN` beside the notebook.
+
+    From then on, a cell that begins with `%%lab FILE` is this file of the lab: it is written into
+    the folder. A Python file then also runs in the notebook, without `main()`. A definition is
+    checked, and imports use it from now on.
+    """
+    session().lab(number)
+
+
+def check() -> None:
+    """Check the lab of this notebook, as `taskrpc lab check` does."""
+    session().check()

@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from taskrpc.notebook.errors import lines_of
 _SHORT = (
     *(TaskRpcError, DefinitionError, FieldError, TypeError, ExceptionGroup),
     *(KeyboardInterrupt, asyncio.CancelledError),
+    SyntaxError,  # IPython would show the frames of `%%lab`
 )
 """The errors of which a cell may show one line; the others go to IPython at once."""
 
@@ -57,16 +58,24 @@ class Picture:
 
 
 def install(
-    cell_begins: Callable[[str], None], magics: dict[str, Callable[[str, str], object]]
+    cell_begins: Callable[[str], None],
+    magics: Mapping[str, Callable[[str, str], object]],
+    errors: Iterable[type[Exception]],
 ) -> None:
-    """Connect a notebook with IPython: errors in one line, the beginnings of cells, and magics."""
+    """Connect a notebook with IPython.
+
+    Args:
+        cell_begins: called with the id of each cell before it runs, "" if it has none.
+        magics: the cell magics by their names.
+        errors: rclpy's errors, of which a cell may show one line too.
+    """
     found = shell()
     if found is None:
         return
     found.events.register(
         "pre_run_cell", lambda info: cell_begins(getattr(info, "cell_id", None) or "")
     )
-    found.set_custom_exc(_SHORT, _show_error)
+    found.set_custom_exc((*_SHORT, *errors), _show_error)
     for name, magic in magics.items():
         found.register_magic_function(magic, "cell", name)
 
@@ -79,6 +88,12 @@ def run_in_cell(text: str, path: Path) -> None:
     namespace["__name__"] = path.stem
     try:
         exec(compile(text, str(path), "exec"), namespace)
+    except Exception as error:
+        if found is not None and error.__traceback__ is not None:
+            # The traceback begins in the file, not in the magic that runs it.
+            inner = type(error), error, error.__traceback__.tb_next
+            _render(error, lambda: found.InteractiveTB.structured_traceback(*inner))
+        raise
     finally:
         namespace["__name__"] = before
 
@@ -92,8 +107,13 @@ def _show_error(
 ) -> None:
     lines = lines_of(error, _location)
     if lines:
-        vars(error)["_render_traceback_"] = lambda: lines  # IPython asks errors for this method
+        _render(error, lambda: lines)
     found.showtraceback((kind, error, traceback), tb_offset=tb_offset)
+
+
+def _render(error: BaseException, lines: Callable[[], list[str]]) -> None:
+    """Let IPython show other lines for an error: it asks each error for this method."""
+    vars(error)["_render_traceback_"] = lines
 
 
 def cell_name(file: str) -> str:

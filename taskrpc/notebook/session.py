@@ -14,6 +14,7 @@ import taskrpc
 from taskrpc.errors import TaskRpcError
 from taskrpc.notebook import jupyter
 from taskrpc.notebook.background import Spinners
+from taskrpc.notebook.labs import NotebookLab
 from taskrpc.notebook.live import View
 from taskrpc.notebook.nodes import NotebookNodes
 from taskrpc.notebook.robot import NotebookRobot
@@ -31,16 +32,20 @@ class Session:
         self._robot: NotebookRobot | None = None
         self._view: View | None = None
         self._default_world: World | None = None
+        self._lab: NotebookLab | None = None
 
     def begin(self) -> None:
         """Let nodes be replaced, errors be short, and rclpy be imported."""
         taskrpc.Node.default_observer = self._nodes
         self._nodes.leaves = self._spinners.stop
-        jupyter.install(self._nodes.cell_begins, {})
         _find_commands()
+        errors: list[type[Exception]] = []
         if not hook.real_rclpy():
             hook.install(Path.cwd())
             importlib.import_module("rclpy._impl.cells").current = self._nodes  # type: ignore[attr-defined]
+            rclpy_errors = vars(importlib.import_module("rclpy.exceptions")).values()
+            errors += [each for each in rclpy_errors if _is_error(each)]
+        jupyter.install(self._nodes.cell_begins, {"lab": self._write}, errors)
 
     def spin(self, node: Any) -> None:
         """Spin a node of rclpy in the background."""
@@ -80,12 +85,40 @@ class Session:
         else:
             view.follow_for(seconds)
 
+    def lab(self, number: int) -> None:
+        """Begin or continue a lab."""
+        lab = NotebookLab(number, Path.cwd(), jupyter.run_in_cell)
+        lab.begin()
+        self._lab = lab
+        print(f"Lab {number}: {lab.lab.title} (about {lab.lab.minutes} minutes)")
+        print(lab.lab.goal)
+        print(f"Your files are in {lab.folder}")
+
+    def check(self) -> None:
+        """Check the lab."""
+        self._begun_lab().check()
+
+    def _write(self, name: str, text: str) -> None:
+        """The magic `%%lab FILE`."""
+        self._begun_lab().write(name.strip(), text)
+
+    def _begun_lab(self) -> NotebookLab:
+        if self._lab is None:
+            raise TaskRpcError(
+                "no lab was begun in this notebook: run its first cell, which calls notebook.lab(1)"
+            )
+        return self._lab
+
     def _world(self) -> World:
         if self._robot is not None:
             return self._robot.world
         if self._default_world is None:
             self._default_world = default_world()
         return self._default_world
+
+
+def _is_error(value: object) -> bool:
+    return isinstance(value, type) and issubclass(value, Exception)
 
 
 def _find_commands() -> None:

@@ -74,3 +74,12 @@ def test_interrupted_spin_names_the_way_to_spin_in_the_background():
 
 def test_interrupt_of_the_students_own_loop_keeps_its_traceback():
     assert lines_of(raised("raise KeyboardInterrupt", "/a.py"), place) == []
+
+
+def test_error_of_rclpy_takes_one_line():
+    class RCLError(RuntimeError):
+        __module__ = "rclpy._rclpy_pybind11"
+
+    assert lines_of(raised("raise error", "/a.py", error=RCLError("twice")), place) == [
+        "Cell In[3], line 1: RCLError: twice"
+    ]
