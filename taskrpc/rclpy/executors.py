@@ -271,10 +271,14 @@ class Executor(Scheduler):
         task()
         if raise_once(task):
             return False
-        task.when_done(lambda: self._coroutine_ended(entity))
+        # The future that it awaits may be known to nobody else. Without this reference, the garbage
+        # collector would end the coroutine, and the caller would get an error.
+        self._waiting.add(task)
+        task.when_done(lambda: self._coroutine_ended(entity, task))
         return True
 
-    def _coroutine_ended(self, entity: Entity) -> None:
+    def _coroutine_ended(self, entity: Entity, task: Task[Any]) -> None:
+        self._waiting.discard(task)
         if entity.callback_group is not None and self._respects_groups:
             entity.callback_group.ending_execution(entity)
         self.notify()

@@ -1,5 +1,7 @@
 """Services respond on the spinning thread; their errors are raised there and sent to the caller."""
 
+import gc
+
 import pytest
 
 import srvgen
@@ -8,6 +10,7 @@ from taskrpc.rclpy.callback_groups import ReentrantCallbackGroup
 from taskrpc.rclpy.exceptions import InvalidHandle
 from taskrpc.rclpy.executors import SingleThreadedExecutor
 from taskrpc.rclpy.node import Node
+from taskrpc.rclpy.task import Future
 from tests.rclpy.living import PATIENCE, context_of, service_of
 
 pytestmark = pytest.mark.real_time
@@ -176,3 +179,16 @@ def test_request_runs_even_if_its_caller_has_cancelled_it(world):
     world.executor.add_node(server)
     world.spin_until(lambda: done)
     assert not future.done()
+
+
+def test_coroutine_whose_future_nobody_else_has_is_not_garbage(world, capsys):
+    async def wait_for_ever(request, response):
+        await Future()
+        return response
+
+    future = called(world, wait_for_ever, callback_group=ReentrantCallbackGroup())
+    for _ in range(5):
+        world.executor.spin_once(timeout_sec=0.05)
+        gc.collect()
+    assert not future.done()
+    assert capsys.readouterr().err == ""

@@ -83,6 +83,8 @@ class Scheduler:
         """Tasks to call in the next round."""
         self._parked: deque[Task[Any]] = deque()
         """Tasks of nodes that were not among the nodes of the last `wait_for_ready_callbacks`."""
+        self._waiting: set[Task[Any]] = set()
+        """Coroutines of callbacks that await something."""
         self._task_count = 0
         """How many tasks were created; the count is the number of the newest task."""
         self._is_shutdown = False
