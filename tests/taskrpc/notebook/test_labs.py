@@ -1,0 +1,54 @@
+import json
+
+import pytest
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.labs.catalogue import LABS
+from taskrpc.notebook.labs import NotebookLab
+from tests.notebooks.tidy import NOTEBOOKS, tidy
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch):
+    ran = []
+    monkeypatch.setattr("sys.path", [])
+    monkeypatch.setattr("taskrpc.ros.hook.real_rclpy", lambda: "/opt/ros")  # install no hook
+    lab = NotebookLab(1, tmp_path, lambda text, path: ran.append((path.name, text)))
+    lab.ran = ran
+    lab.begin()
+    return lab
+
+
+def test_lab_has_a_folder_with_the_starter_files(lab, tmp_path):
+    assert lab.folder == tmp_path / "lab1"
+    assert {"server.py", "client.py"} <= {path.name for path in lab.folder.iterdir()}
+
+
+def test_lab_that_was_begun_keeps_the_students_files(lab):
+    lab.write("server.py", "x = 1\n")
+    lab.begin()
+    assert (lab.folder / "server.py").read_text() == "x = 1\n"
+
+
+def test_python_file_is_written_and_runs(lab):
+    lab.write("server.py", "x = 1\n")
+    assert lab.ran == [("server.py", "x = 1\n")]
+
+
+@pytest.mark.parametrize("name", ["", "../server.py", "/tmp/server.py"])
+def test_file_outside_of_the_lab_is_refused(lab, name):
+    with pytest.raises(TaskRpcError, match="expected a file of the lab, such as"):
+        lab.write(name, "x = 1\n")
+
+
+@pytest.mark.parametrize("each", LABS, ids=lambda each: f"lab{each.number}")
+def test_each_lab_has_a_notebook_in_step_with_its_files(each):
+    path = NOTEBOOKS / f"lab{each.number}.ipynb"
+    text = path.read_text("utf-8")
+    remedy = "run `python -m tests.notebooks.tidy` and commit the notebooks"
+    assert tidy(each.number, text) == text, remedy
+    sources = ["".join(cell["source"]) for cell in json.loads(text)["cells"]]
+    shown = {source.partition("\n")[0].removeprefix("%%lab ") for source in sources}
+    written = {name for name in each.files if "/" not in name and "@" not in name}
+    assert written <= shown, "the notebook lacks a file of the lab"
+    assert sum(source == "notebook.check()" for source in sources) == 1
