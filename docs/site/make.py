@@ -42,6 +42,7 @@ LANGUAGES = {".py": "python", ".srv": "srv", ".msg": "msg", ".action": "action"}
 _LINK = re.compile(r"(?<=\]\()([^)\s#]+)(#[^)\s]*)?(?=\))")
 _FENCE = re.compile(r"(^```.*?^```$)", flags=re.M | re.S)
 _NAMED = re.compile(r"^`([^`\s]+\.\w+)`([:,].*)?\n\n((?:<!--.*-->\n\n?)*)```(\w+)$", flags=re.M)
+_SIZE = re.compile(r"!\[w:\d+ ")  # Marp reads it
 _NOTE = re.compile(r"^<!--\s*(?:not run|terminal|started|wrong|exits)\b.*-->\n", flags=re.M)
 _ENTRY = re.compile(r"^- \[(.+?)\]\(([^)#]+)\)", flags=re.M)
 
@@ -120,7 +121,7 @@ def converted(text: str, page: Path) -> tuple[str, set[Path]]:
 
     text = _NAMED.sub(_titled, text)
     parts = _FENCE.split(text)
-    parts[::2] = [_LINK.sub(link, _NOTE.sub("", part)) for part in parts[::2]]
+    parts[::2] = [_SIZE.sub("![", _LINK.sub(link, _NOTE.sub("", part))) for part in parts[::2]]
     linked |= {
         Path(os.path.normpath(page.parent / found))
         for found in re.findall(r'(?:src|srcset|href)="([^":]+)"', "".join(parts[::2]))

@@ -25,7 +25,7 @@ from taskrpc.security.roles import Role
 from taskrpc.tasks.model import RUNNING_KEY
 from taskrpc.tasks.records.store import TaskStore
 from taskrpc.tasks.server import OfferedTasks, load_types
-from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
+from taskrpc.transport.tcp.tcp_network import is_loopback, place_here, split_place
 
 try:
     from taskrpc.rosbridge.server import RosbridgeServer
@@ -181,7 +181,7 @@ class Monitoring:
             }
 
         def make_node(token: str) -> Node:
-            place = _reachable(node.address)
+            place = place_here(node.address)
             known = token or self._token or None
             return Node(NODE, namespace="/", peers=[place], tls=self._tls, token=known)
 
@@ -197,11 +197,3 @@ class Monitoring:
 def _names(class_folder: str | None) -> Sequence[str]:
     """Return the names at which other machines reach this one, as the join strings have them."""
     return own_addresses() if class_folder is None else Register(Path(class_folder)).place.hosts
-
-
-def _reachable(address: str) -> str:
-    """Return the address at which this machine reaches a server that listens everywhere."""
-    for everywhere, here in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):
-        if address.startswith(everywhere):
-            return address.replace(everywhere, here, 1)
-    return address

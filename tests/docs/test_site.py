@@ -28,6 +28,7 @@ def make():
         ("[a](../taskrpc/client.py)", "[a](../taskrpc/client.py.md)", ["taskrpc/client.py"]),
         ("[a](../examples/01_add_two_ints/)", "[a](../examples/01_add_two_ints/README.md)", []),
         ("![a](pictures/phone.png)", "![a](pictures/phone.png)", ["docs/pictures/phone.png"]),
+        ("![w:9 A](pictures/a.png)", "![A](pictures/a.png)", ["docs/pictures/a.png"]),
         ('<img src="pictures/a.png">', '<img src="pictures/a.png">', ["docs/pictures/a.png"]),
         ("[a](https://ros.org)", "[a](https://ros.org)", []),
         ("```text\n[a](client.py)\n```", "```text\n[a](client.py)\n```", []),

@@ -22,6 +22,7 @@ from taskrpc.security.lab import remembered_lab
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.transport.limits.keepalive import keepalive_of
 from taskrpc.transport.settings import domain_id, environment_peers
+from taskrpc.transport.tcp.tcp_network import place_here
 from taskrpc.wire.messages import ServiceEndpoint
 
 
@@ -135,7 +136,7 @@ async def programs() -> AsyncIterator[Finding]:
 
 async def _reach(entry: RegistryEntry) -> Finding:
     try:
-        await HERE.listing(entry.address)
+        await HERE.listing(place_here(entry.address))
     except TaskRpcError as error:
         return _silent(entry, error)
     listed = ", ".join(graph.services([entry])) or "hidden services"

@@ -279,11 +279,16 @@ def _refuse_plain_call(address: Address, host: str, *, encrypted: bool) -> None:
 
 def _address(entry: RegistryEntry) -> Address:
     """The address at which processes of this machine reach the process of an entry."""
-    place = entry.address
-    for everywhere, here in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):
-        place = place.replace(everywhere, here) if place.startswith(everywhere) else place
-    token = bytes.fromhex(entry.token)
+    place, token = place_here(entry.address), bytes.fromhex(entry.token)
     return Address(place, token, certificate=entry.certificate, pid=entry.pid, script=entry.script)
+
+
+def place_here(place: str) -> str:
+    """Return the place at which this machine reaches a server that listens to all networks."""
+    for everywhere, here in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):
+        if place.startswith(everywhere):
+            return place.replace(everywhere, here, 1)
+    return place
 
 
 def _address_of_lab(lab: Lab) -> Address:

@@ -8,6 +8,7 @@ import srvgen
 import taskrpc.sync
 from taskrpc.cli.doctor import checks
 from taskrpc.cli.main import main
+from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.wire.messages import ServiceEndpoint
 
 pytestmark = pytest.mark.real_time
@@ -59,3 +60,19 @@ def test_unreachable_server_is_not_reported_again_by_the_health_check(capsys, mo
     monkeypatch.setattr(checks, "_services", services)
     assert main(["doctor"]) == 0
     assert "/gone" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("listens", "asked"), [("0.0.0.0:7450", "127.0.0.1:7450"), ("[::]:7450", "[::1]:7450")]
+)
+async def test_server_of_all_networks_is_reached_from_this_machine(listens, asked, monkeypatch):
+    places = []
+
+    class Here:
+        async def listing(self, place):
+            places.append(place)
+
+    monkeypatch.setattr(checks, "HERE", Here())
+    entry = RegistryEntry(pid=1, script="taskrpc", folder="", since=0.0, address=listens)
+    assert (await checks._reach(entry)).state == "ok"
+    assert places == [asked]
