@@ -98,6 +98,12 @@ def _programs(options: Namespace) -> Iterable[str]:
     return installed.executables(folder) if folder else ()
 
 
+def _scenes(_: Namespace) -> Iterable[str]:
+    from taskrpc.scenes.catalogue import SCENES
+
+    return [each.name for each in SCENES]
+
+
 _FINDERS: dict[str, completion.Finder] = {
     "service_name": _services,
     "action_name": _actions,
@@ -107,6 +113,7 @@ _FINDERS: dict[str, completion.Finder] = {
     "topic_names": _topics,
     "node_name": _nodes,
     "request": _request,
+    "scene_name": _scenes,
     "service_type": _type_of_service,
     "message_type": _type_of_topic,
     "topic_type": lambda _: _interfaces("msg"),

@@ -85,7 +85,6 @@ SCENES: tuple[Scene, ...] = (
         cured=Excerpt("future = client", "accepted task", ("rclpy.spin_once(",)),
         robot=True,
         hangs=Hang.ALWAYS,
-        patience=7.0,
     ),
     Scene(
         name="forgot-return",

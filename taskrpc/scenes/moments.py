@@ -63,4 +63,4 @@ def of_response(number: int, *, repeated: bool) -> tuple[str, str]:
 
 def of_hang(seconds: float) -> tuple[str, str]:
     """Return actor and text for a program that was ended because it waits for ever."""
-    return PROGRAM, f"still waits after {seconds:g} s; it would wait for ever, and is ended"
+    return PROGRAM, f"still waits after {seconds:.1f} s; it would wait for ever, and is ended"

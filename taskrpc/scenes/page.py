@@ -10,6 +10,7 @@ import asyncio
 import contextlib
 import time
 from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -22,10 +23,12 @@ from taskrpc.scenes.scene import Scene
 from taskrpc.scenes.stage import SERVICE
 from taskrpc.tasks.page_events import PROTOCOL
 from taskrpc.web.calls import CallLog
-from taskrpc.web.pages import JSON, Page
+from taskrpc.web.pages import JSON, Page, static_files
 from taskrpc.web.streams import Event, LiveStream, framed
 from taskrpc.web.tokens import Holder, Tokens
 
+STATIC = Path(__file__).with_name("static")
+"""The folder of the files that only this page has."""
 VERB = "scene"
 """The buttons of the page: `POST /control/scene`."""
 _TICK = 0.2
@@ -89,7 +92,7 @@ class ScenePage:
             "version": metadata.version("taskrpc"),
         }
         about = {"protocol": PROTOCOL, "server": server, "control": control, "map": None}
-        return framed("hello", msgspec.json.encode({**about, "now": time.time()}))
+        return framed("hello", msgspec.json.encode({**about, "scenes": True, "now": time.time()}))
 
     def task(self, task_id: int) -> bytes | None:
         """Return None: the page of the scenes has no details of tasks."""
@@ -164,9 +167,13 @@ class ScenePage:
             await asyncio.sleep(_TICK)
 
 
-def scenes_file() -> Page:
-    """Return all scenes with the lines of their programs, as the page loads them."""
-    return Page(msgspec.json.encode([_described(each) for each in SCENES]), JSON)
+def scene_files() -> dict[str, Page]:
+    """Return the files that the page of the scenes has more than the live page, by path.
+
+    `/scenes.json` has all scenes with the lines of their programs.
+    """
+    texts = Page(msgspec.json.encode([_described(each) for each in SCENES]), JSON)
+    return {**static_files(STATIC), "/scenes.json": texts}
 
 
 def _described(each: Scene) -> dict[str, Any]:

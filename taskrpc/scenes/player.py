@@ -29,6 +29,10 @@ _START = 30.0
 """Seconds until the first thing happens; a slow computer imports slowly."""
 _END = 30.0
 """Seconds after the first thing until a program ends that does not wait for ever."""
+_PATIENCE_LIKE_ROS = 3.5
+"""Seconds after the first thing until a program that waits for ever is ended."""
+_PATIENCE = 10.0
+"""The same without `like_ros`: taskrpc needs some seconds until it explains the wait."""
 _REST = 3.0
 """Seconds that the robot gets at the end to execute its tasks."""
 
@@ -82,8 +86,11 @@ async def run_on(
     tree = await ProcessTree.start(command, lines.feed, cwd=str(stage.folder), env=environment)
     ended = asyncio.ensure_future(tree.wait())
     try:
-        waits = not cure and scene.will_hang(like_ros=like_ros)
-        await _until_ended(ended, clock, scene.patience if waits else _END, waits=waits)
+        if cure or not scene.will_hang(like_ros=like_ros):
+            patience = None
+        else:
+            patience = _PATIENCE_LIKE_ROS if like_ros else _PATIENCE
+        await _until_ended(ended, clock, patience)
     finally:
         if not ended.done():
             tree.kill()
@@ -94,24 +101,35 @@ async def run_on(
 
 
 async def _until_ended(
-    ended: asyncio.Future[int], clock: SceneClock, patience: float, *, waits: bool
+    ended: asyncio.Future[int], clock: SceneClock, patience: float | None
 ) -> None:
-    """Wait for the end of a program; raises TaskRpcError if a program ends too late."""
-    begun = asyncio.ensure_future(clock.begun.wait())
-    first: list[asyncio.Future[Any]] = [ended, begun]
-    try:
-        await asyncio.wait(first, timeout=_START, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        begun.cancel()
-    if clock.begun.is_set():
-        await asyncio.wait([ended], timeout=patience)
+    """Wait for the end of a program.
+
+    `patience`: seconds for a program that waits for ever, None for one that ends. Raises
+    TaskRpcError if a program does not begin, or does not end.
+    """
+    await _first(ended, clock.begun, _START)
+    if clock.begun.is_set() and patience is None:
+        await asyncio.wait([ended], timeout=_END)
+    elif clock.begun.is_set():
+        await _first(ended, clock.explained, patience)
     if ended.done():
         return
-    if not (waits and clock.begun.is_set()):
+    if patience is None or not clock.begun.is_set():
         raise TaskRpcError(
             "the program of the scene did not end: the computer is too busy; try again"
         )
-    clock.report(*moments.of_hang(patience))
+    clock.report(*moments.of_hang(clock.now()))
+
+
+async def _first(ended: asyncio.Future[int], event: asyncio.Event, timeout: float | None) -> None:
+    """Wait for the end of a program, or for an event, or for a timeout."""
+    happened = asyncio.ensure_future(event.wait())
+    first: list[asyncio.Future[Any]] = [ended, happened]
+    try:
+        await asyncio.wait(first, timeout=timeout, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        happened.cancel()
 
 
 class SceneClock:
@@ -122,14 +140,21 @@ class SceneClock:
         self._first = 0.0
         self.begun = asyncio.Event()
         """Set when the first thing has happened."""
+        self.explained = asyncio.Event()
+        """Set when taskrpc has explained something."""
+
+    def now(self) -> float:
+        """Return the seconds since the first thing."""
+        return asyncio.get_running_loop().time() - self._first
 
     def report(self, actor: str, text: str) -> None:
         """Report a thing that happens now."""
-        now = asyncio.get_running_loop().time()
         if not self.begun.is_set():
-            self._first = now
+            self._first = asyncio.get_running_loop().time()
             self.begun.set()
-        self._report(Moment(now - self._first, actor, text))
+        self._report(Moment(self.now(), actor, text))
+        if actor == moments.TASKRPC:
+            self.explained.set()
 
 
 class Lines:

@@ -79,7 +79,6 @@ class Scene:
         robot: whether the programs call a robot.
         faults: the faults of the robot's services, as `taskrpc-server --fault` takes them.
         hangs: whether the program with the mistake waits for ever.
-        patience: seconds from its first output until a program that hangs is ended.
     """
 
     name: str
@@ -93,7 +92,6 @@ class Scene:
     robot: bool = False
     faults: tuple[str, ...] = ()
     hangs: Hang = Hang.NEVER
-    patience: float = 3.5
 
     def will_hang(self, *, like_ros: bool) -> bool:
         """Return whether the program with the mistake waits for ever."""

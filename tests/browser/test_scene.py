@@ -95,6 +95,11 @@ def test_list_leads_to_the_scenes(tabs, url):
 
 
 def test_page_of_a_task_server_says_how_to_start_the_scenes(tabs, start_server):
-    tabs.expect("scenes.json")
+    tabs.expect("scene.js")
     tab = tabs.open(f"{start_server().url}?scene=deadlock")
-    assert "taskrpc scene --page" in tab.text("#scene_panel .empty")
+    assert "taskrpc scene --page" in tab.text("#no_scenes")
+
+
+def test_address_without_a_scene_leads_to_the_list(tabs, url):
+    tab = tabs.open(url)
+    tab.wait(lambda: len(tab.all("#scene_panel .scene_list a")) == 10, "the list of scenes")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import shutil
 import sys
@@ -24,7 +25,7 @@ def configure(parser: ArgumentParser) -> None:
         " a robot or a server that already runs is not affected."
     )
     add = parser.add_argument
-    add("name", metavar="NAME", nargs="?", help="The scene, such as lost-reply")
+    add("scene_name", metavar="NAME", nargs="?", help="The scene, such as lost-reply")
     add("--like-ros", action="store_true", help="Behave exactly like ROS 2, even where it hangs")
     add("--cure", action="store_true", help="Show and run only the corrected program")
     what = "Print the whole program and the name of its file, and run nothing"
@@ -50,13 +51,13 @@ def _run(options: Namespace) -> int:
                 f"--{option.replace('_', '-')} belongs to --page: taskrpc scene --page"
             )
     screen = Screen(shutil.get_terminal_size().columns, _is_coloured())
-    if options.name is None:
+    if options.scene_name is None:
         if options.cure or options.code or options.like_ros:
             raise UsageError("expected the name of a scene; `taskrpc scene` lists them")
         _print(screen.table([(each.name, each.title) for each in SCENES]))
         print(screen.note("\nTry next: taskrpc scene lost-reply"))
         return Exit.DONE
-    chosen = scene(options.name)
+    chosen = scene(options.scene_name)
     if options.code:
         _print_program(chosen, screen, cure=options.cure)
         return Exit.DONE
@@ -75,7 +76,7 @@ def _serve(options: Namespace) -> int:
 
     if options.cure or options.code or options.like_ros:
         raise UsageError("--page has buttons for --cure and --like-ros: leave these options out")
-    name = "" if options.name is None else scene(options.name).name
+    name = "" if options.scene_name is None else scene(options.scene_name).name
     return serve(name, port=options.port, browser=not options.no_browser)
 
 
@@ -109,7 +110,8 @@ def _wait_for_enter(screen: Screen) -> None:
     """Let the lecturer talk before the cure; if nobody sits at a terminal, go on."""
     if sys.stdin is not None and sys.stdin.isatty() and sys.stdout.isatty():
         print()
-        input(screen.note("Enter runs the corrected program; Ctrl-C ends "))
+        with contextlib.suppress(EOFError):
+            input(screen.note("Enter runs the corrected program; Ctrl-C ends "))
     print()
 
 

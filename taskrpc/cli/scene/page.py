@@ -6,8 +6,8 @@ import asyncio
 import sys
 import webbrowser
 
-from taskrpc.cli.shared.command import exit_after
-from taskrpc.errors import TaskRpcError
+from taskrpc.cli.shared.command import exit_after, hinted
+from taskrpc.errors import CannotListen, TaskRpcError
 from taskrpc.program import run, stop_requested
 
 try:
@@ -17,7 +17,7 @@ except ModuleNotFoundError as error:
         raise
     raise TaskRpcError(f"--page needs {error.name}: pip install aiohttp") from None
 
-from taskrpc.scenes.page import OwnTokens, ScenePage, scenes_file
+from taskrpc.scenes.page import OwnTokens, ScenePage, scene_files
 from taskrpc.web.pages import static_files
 from taskrpc.web.streams import LiveStream
 
@@ -26,14 +26,22 @@ PORT = 8738
 
 
 def serve(name: str, *, port: int | None, browser: bool) -> int:
-    """Serve until a signal ends the command; `name` is the scene that the browser opens."""
-    return exit_after(run(_serve(name, PORT if port is None else port, browser=browser)))
+    """Serve until a signal ends the command; `name` is the scene that the browser opens.
+
+    Raises CannotListen.
+    """
+    try:
+        return exit_after(run(_serve(name, PORT if port is None else port, browser=browser)))
+    except CannotListen as error:
+        raise hinted(
+            error, "end the other page of the scenes, or choose a port with --port"
+        ) from None
 
 
 async def _serve(name: str, port: int, *, browser: bool) -> int:
     stream = LiveStream()
     page = ScenePage(stream)
-    files = {**static_files(), "/scenes.json": scenes_file()}
+    files = {**static_files(), **scene_files()}
     live = LivePage(files, OwnTokens(), stream, page, page)
     server = WebServer({}, listen=f"127.0.0.1:{port}", live=live)
     async with stop_requested() as stopped, server as web:

@@ -11,7 +11,6 @@ import { Keyboard, Tabs } from "./keyboard.js";
 import { MapView } from "./map.js";
 import { Model } from "./model.js";
 import { Recording } from "./recording.js";
-import { SceneView } from "./scene.js";
 import { SlowMotion } from "./slow_motion.js";
 import { StatusView } from "./status.js";
 import { TasksView } from "./tasks.js";
@@ -36,7 +35,7 @@ const list = new CallList(model);
 const graph = new GraphView(model);
 const students = new ClassView(model);
 const status = new StatusView(model);
-const views = [status, controls, map, tasks, calls, slow, graph, students, ...(query.has("scene") ? [new SceneView(model, act)] : [])];
+const views = [status, controls, map, tasks, calls, slow, graph, students];
 let recording = null;
 
 const tabs = new Tabs(byId("tabs"), (panel) => {
@@ -135,6 +134,7 @@ async function openRecording() {
 const stream = new LiveStream(token, (name, data) => {
   model.apply(name, data);
   if (name === "hello" && data.recording) openRecording();
+  if (data.scenes && !query.has("scene")) location.replace("?scene=");
   wake();
 }, (state, text) => {
   model.setConnection(state, text);
@@ -179,7 +179,14 @@ function frame(time) {
   for (const view of [status, tasks, calls, list, students]) view.tick();
 }
 
+/** Show the scene of `?scene=NAME`; only the server of `taskrpc scene --page` has this module. */
+function setUpScene() {
+  const note = "This server has no scenes. Type: taskrpc scene --page";
+  import("./scene.js").then(({ SceneView }) => views.push(new SceneView(model, act)), () => byId("page").prepend(element("p.panel.empty#no_scenes", note)));
+}
+
 tabs.choose(byId("tab_calls"));
+if (query.has("scene")) setUpScene();
 setUpMessageButtons();
 setUpTheme();
 setUpParts();

@@ -42,6 +42,7 @@ def printed(monkeypatch):
         ("run lamp ", ["glow", "shine.py"]),
         ("run la", ["lamp"]),
         ("run lamp shine.py ", []),
+        ("scene dead", ["deadlock"]),
         ("daemon status ", []),
         ("topic echo --qos-depth ", []),
         ("topic echo --qos-depth 5 --csv /to", ["/told"]),

@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import re
 
 import pytest
 
@@ -9,8 +10,9 @@ from taskrpc import TaskRpcError
 from taskrpc.scenes import page as page_module
 from taskrpc.scenes.catalogue import SCENES
 from taskrpc.scenes.moments import Moment
-from taskrpc.scenes.page import OwnTokens, ScenePage, scenes_file
+from taskrpc.scenes.page import OwnTokens, ScenePage, scene_files
 from taskrpc.web.pages import JSON
+from taskrpc.web.pages import STATIC as WEB_STATIC
 from taskrpc.web.streams import Event, LiveStream
 from taskrpc.web.tokens import Holder
 
@@ -60,7 +62,7 @@ async def press(page, body, verb="scene", content_type=JSON):
 
 
 def test_file_has_all_scenes_with_their_code():
-    found = json.loads(scenes_file().body)
+    found = json.loads(scene_files()["/scenes.json"].body)
     assert [each["name"] for each in found] == [each.name for each in SCENES]
     assert found[0]["code"][0][1] == [
         12,
@@ -71,6 +73,18 @@ def test_file_has_all_scenes_with_their_code():
         "deadlock",
         *("forgot-return", "wrong-type", "two-servers", "eleven-calls"),
     ]
+
+
+def test_module_puts_text_on_the_page_only_as_text():
+    files = scene_files()
+    assert sorted(files) == ["/scene.css", "/scene.js", "/scenes.json"]
+    code = files["/scene.js"].body.decode()
+    assert not re.search(r"innerHTML|outerHTML|insertAdjacentHTML|document\.write|\beval\(", code)
+    imported = re.search(r"import \{([^}]*)\} from \"\./dom.js\"", code)[1].split(",")
+    exported = (WEB_STATIC / "dom.js").read_text(encoding="utf-8")
+    for name in map(str.strip, imported):
+        assert code.count(name) > 1, name
+        assert re.search(rf"export (const|function) {name}\b", exported), name
 
 
 async def test_run_is_published_with_its_moments(page, stream, release):

@@ -38,7 +38,7 @@ PROBLEMS = {
         "executes task 2",
     ],
     "deadlock": ["double: I call add, and wait for its response", "ends in line 19 with"],
-    "nobody-spins": ["call 1: the response is sent", "still waits after"],
+    "nobody-spins": ["call 1: the response is sent", "ROS 2 would", "still waits after"],
     "forgot-return": ["add: the sum is 5", "the caller has a response: False"],
     "wrong-type": 3 * ["is there a service /add? False"],
     "two-servers": ["the old server moves the arm", "the response is from the old server"],

@@ -1,5 +1,7 @@
 """`taskrpc scene --page` serves the page at a port that does not change, and opens it."""
 
+import socket
+
 import aiohttp
 import pytest
 
@@ -69,3 +71,15 @@ async def test_only_pages_of_this_server_may_run_a_scene():
             request = session.post(f"{web.url}/control/scene", json={"name": ""}, headers=headers)
             async with request as response:
                 assert response.status == status
+
+
+@pytest.mark.real_time
+def test_port_that_is_taken_is_one_message(capsys):
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = str(other.getsockname()[1])
+        assert main(["scene", "--page", "--no-browser", "--port", port]) == 1
+    err = capsys.readouterr().err
+    assert f"cannot listen at 127.0.0.1:{port}" in err
+    assert "hint: end the other page of the scenes, or choose a port with --port" in err

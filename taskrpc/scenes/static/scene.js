@@ -9,6 +9,7 @@ export class SceneView {
   constructor(model, act) {
     this.model = model;
     this.act = act;
+    document.head.append(element("link", { rel: "stylesheet", href: "scene.css" }));
     this.panel = element("section.panel#scene_panel", { "aria-label": "Scene" });
     byId("page").prepend(this.panel);
     Object.assign(root.dataset, { calls_only: "", part: "calls", scene: "" });
@@ -16,8 +17,7 @@ export class SceneView {
   }
 
   async load() {
-    const response = await fetch("/scenes.json").catch(() => null);
-    if (!response?.ok) return this.panel.append(element("p.empty", "This server has no scenes. For the page of the scenes, type: taskrpc scene --page"));
+    const response = await fetch("/scenes.json");
     const scenes = await response.json();
     const at = scenes.findIndex((scene) => scene.name === query.get("scene"));
     if (at < 0) this.panel.append(element("ol.scene_list.scroll", ...scenes.map(({ name, title }) => element("li", element("a", { href: link(name) }, title)))));
