@@ -22,6 +22,8 @@ def main():
         response = client.call(request)
         print(f"{a} + {b} = {response.sum}")
     print(f"the synchronous calls took {time.monotonic() - began:.1f} s")
+    rclpy.shutdown()
+    spinner.join()
 
 
 if __name__ == "__main__":

@@ -25,12 +25,12 @@ class AsyncClient(Node):
     def send_all(self):
         for a, b in PAIRS:
             request = AddTwoInts.Request(a=a, b=b)
-            # 4. Send the request with call_async. It returns a future at once: do not wait here.
-            # 5. Let rclpy call self.show when the future is complete: add_done_callback takes a
+            # 5. Send the request with call_async. It returns a future at once: do not wait here.
+            # 6. Let rclpy call self.show when the future is complete: add_done_callback takes a
             #    function of one argument, the future. partial(self.show, a, b) is such a function.
 
     def show(self, a, b, future):
-        # 6. Now the future has its result. Print f"{a} + {b} = {...}", and append the sum
+        # 7. Now the future has its result. Print f"{a} + {b} = {...}", and append the sum
         #    to self.sums.
         pass  # replace this line
 
@@ -40,7 +40,7 @@ def main():
     node = AsyncClient()
     began = time.monotonic()
     node.send_all()
-    # 7. Run callbacks with rclpy.spin_once(node), again and again, until node.sums has as many
+    # 8. Run callbacks with rclpy.spin_once(node), again and again, until node.sums has as many
     #    sums as PAIRS has pairs.
     print(f"the asynchronous calls took {time.monotonic() - began:.1f} s")
     node.destroy_node()

@@ -25,6 +25,8 @@ def main():
         # 2. Call the service: response = client.call(request)
         # 3. Print the numbers and the sum: f"{a} + {b} = {response.sum}"
     print(f"the synchronous calls took {time.monotonic() - began:.1f} s")
+    rclpy.shutdown()
+    # 4. Now the other thread ends. Wait for its end: spinner.join()
 
 
 if __name__ == "__main__":

@@ -21,6 +21,7 @@ def main():
         response = client.call(request)
         print(f"{a} + {b} = {response.sum}")
     print(f"the synchronous calls took {time.monotonic() - began:.1f} s")
+    rclpy.shutdown()
 
 
 if __name__ == "__main__":
