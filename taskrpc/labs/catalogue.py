@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.labs.checks import lab1, lab2, lab3, lab4, lab5
+from taskrpc.labs.checks import lab1, lab2, lab3, lab4, lab5, lab6
 from taskrpc.labs.lab import Lab
 
-LABS: tuple[Lab, ...] = (lab1.LAB, lab2.LAB, lab3.LAB, lab4.LAB, lab5.LAB)
+LABS: tuple[Lab, ...] = (lab1.LAB, lab2.LAB, lab3.LAB, lab4.LAB, lab5.LAB, lab6.LAB)
 
 
 def lab(number: int) -> Lab:

@@ -1,0 +1,56 @@
+"""Hidden checks of lab 6: two scans at once, and the three programs together."""
+
+import asyncio
+
+import srvgen
+from taskrpc.labs.checks.common import answer, ended, service_of
+from taskrpc.labs.lab import Check, NotMet
+
+
+def _robot(trial):
+    from taskrpc.labs.checks.lab6 import LAB
+
+    return LAB.values(trial.variant)["ROBOT"]
+
+
+async def _scans(trial):
+    trigger = srvgen.load("std_srvs/srv/Trigger")
+    program = await trial.start("robot.py")
+    scan = await service_of(trial, program, trigger, f"/{_robot(trial)}/scan")
+    started = trial.time()
+    await answer(scan, trigger.Request(), "an empty request")
+    one = trial.time() - started
+    started = trial.time()
+    both = [answer(scan, trigger.Request(), "an empty request") for _ in range(2)]
+    await asyncio.gather(*both)
+    two = trial.time() - started
+    if two > 1.7 * one:
+        raise NotMet(
+            "two scans at the same time to take as long as one",
+            f"one took {one:.1f} s, two took {two:.1f} s",
+            "what does a scan keep waiting?",
+        )
+
+
+async def _together(trial):
+    trigger = srvgen.load("std_srvs/srv/Trigger")
+    robot = await trial.start("robot.py")
+    await service_of(trial, robot, trigger, f"/{_robot(trial)}/battery")
+    planner = await trial.start("planner.py")
+    await service_of(trial, planner, trigger, "/mission")
+    for _ in range(2):
+        console = await trial.start("console.py")
+        code = await console.finished(40.0)
+        for wanted in ("the light is on", "87 percent", "3 objects"):
+            if not any(wanted in line for line in console.output):
+                raise NotMet(
+                    f"the console to print {wanted!r}",
+                    "it still runs" if code is None else ended(console, code),
+                    "start all three programs, and read their logs",
+                )
+
+
+CHECKS = (
+    Check("two scans run at the same time", 1, _scans),
+    Check("the three programs work together, and again", 1, _together),
+)
