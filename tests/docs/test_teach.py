@@ -44,3 +44,11 @@ def test_every_scene_and_every_lab_has_its_place():
     assert {lab for *_, lab in cells if lab} == set("123456")
     slides = (TEACH / "slides.md").read_text(encoding="utf-8")
     assert all(f"taskrpc scene {scene.name}" in slides for scene in SCENES)
+
+
+def test_the_slides_of_the_labs_have_the_minutes_of_the_running_order():
+    slides = (TEACH / "slides.md").read_text(encoding="utf-8")
+    for _, minutes, what, *_ in _rows("Three hours"):
+        if found := re.search(r"\*\*Lab (\d)\*\*", what):
+            _, _, slide = slides.partition(f"## Lab {found[1]}: ")
+            assert f"{minutes} minutes." in slide.partition("\n## ")[0], what
