@@ -34,6 +34,11 @@ class Attendance(Observer):
         if is_new or now - self._written >= WRITE_EVERY:
             self._write(now)
 
+    def clear(self) -> None:
+        """Forget all calls: the next group begins."""
+        self._seen.clear()
+        self._write(self._wall_clock())
+
     def node_ended(self, node: object) -> None:
         """Write the calls that are not yet in the file."""
         if self._seen:

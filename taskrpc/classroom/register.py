@@ -102,6 +102,34 @@ class Register:
         self._edit(change)
         return [account for account in self.accounts() if account.name in wanted]
 
+    def renew(self, names: Iterable[str] | None, expires: float) -> list[Account]:
+        """Give the students new secrets until `expires`, so that the earlier ones end.
+
+        With `names`, these students replace all earlier ones. Accounts with another role than
+        submit, such as an assistant's, stay as they are. Raises TaskRpcError as `add` does.
+        """
+        found = self._read().accounts
+        if names is None:
+            known = self.names()
+            students = ((name, row) for name, row in found.items() if row.role == "submit")
+            names = [known.get(name, name) for name, row in students if not row.revoked]
+        kept = {name for name, row in found.items() if row.role != "submit"}
+        before = [(path, _content(path)) for path in (self.accounts_file, self._names_file)]
+
+        def remove(rows: dict[str, _Row]) -> None:
+            for name in rows.keys() - kept:
+                del rows[name]
+            written = {name: each for name, each in self.names().items() if name in kept}
+            platform.write_private(self._names_file, msgspec.json.encode(written))
+
+        self._edit(remove)
+        try:
+            return self.add(names, expires)
+        except TaskRpcError:  # a wrong name must not cost the accounts
+            for path, content in before:
+                platform.write_private(path, content)
+            raise
+
     def revoke(self, name: str) -> None:
         """Revoke an account, given its name or its student's name.
 
@@ -176,6 +204,10 @@ class Register:
             raise TaskRpcError(f"{self.accounts_file}: {error.strerror}") from None
         except (msgspec.MsgspecError, UnicodeDecodeError) as error:
             raise TaskRpcError(f"{self.accounts_file}: {error}") from None
+
+
+def _content(path: Path) -> bytes:
+    return path.read_bytes() if path.exists() else b"{}"
 
 
 def _account(name: str, row: _Row) -> Account:

@@ -48,6 +48,8 @@ from taskrpc.web.tokens import Tokens
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
+    from taskrpc.cli.classroom.live_class import LiveClass
+
 
 _MAX_QUEUED = 1000
 """Most queued tasks that are counted for the students of a class."""
@@ -74,6 +76,7 @@ class Monitoring:
         self._accounts = AccountSource(accounts) if accounts else None
         self.tokens = Tokens(self._token, self._accounts)
         """The tokens that the live page accepts."""
+        self._class: LiveClass | None = None
         self._rosbridge: RosbridgeServer | None = None
         self._node: Node | None = None
 
@@ -117,6 +120,12 @@ class Monitoring:
         """Whether a bearer token gives the rights of the server's own user."""
         holder = self.tokens.holder(given)
         return holder is not None and not holder.account
+
+    def forget_students(self) -> None:
+        """Forget what the students of the class have done: the next group begins."""
+        self._calls.accounts.clear()
+        if self._class is not None:
+            self._class.forget()
 
     @asynccontextmanager
     async def serving(self, web: WebServer) -> AsyncIterator[WebServer]:
@@ -162,7 +171,8 @@ class Monitoring:
             return (task.client for _, task, _ in islice(waiting, _MAX_QUEUED))
 
         presence = lambda: node.status().accepted  # noqa: E731
-        return LiveClass(Path(class_folder), self._calls.accounts, presence, queued)
+        self._class = LiveClass(Path(class_folder), self._calls.accounts, presence, queued)
+        return self._class
 
     def _live_page(
         self,

@@ -16,13 +16,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from srvgen.cli import process
-from taskrpc import logs, platform
+from taskrpc import logs
 from taskrpc.cli.shared import fleet_server, remote
 from taskrpc.cli.shared.command import Exit, UsageError, exit_after, run_main, tune_for_long_run
 from taskrpc.cli.shared.parsing import Parser, add_allow_origin, number, whole
+from taskrpc.cli.shared.task_database import default_database
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
+    from taskrpc.classroom.attendance import Attendance
     from taskrpc.cli.monitoring import Monitoring
     from taskrpc.fleet import FleetStore
     from taskrpc.node import Node
@@ -198,6 +200,7 @@ async def _serve_with(
 
     access = remote.remote_of(options)
     faults = _faults(options)
+    attendance = _attendance(options)
     node = Node(
         "task_server",
         namespace="/",  # in a lab too: clients call /robot_task
@@ -207,7 +210,7 @@ async def _serve_with(
         token=access.token,
         accounts=options.accounts,
         keepalive=options.keepalive,
-        observer=_observer(options, monitoring, recorder),
+        observer=_observer(attendance, monitoring, recorder),
         faults=faults,
     )
     store = _store(options)
@@ -229,6 +232,7 @@ async def _serve_with(
             _say(options, f"/health and /metrics at {web.url}")
             _say(options, f"the live page is at {web.url}/")
         resumed = await started(lambda: server.start(fresh=options.fresh))
+        _offer_reset(options, node, server, attendance, monitoring)
         _say(options, f"{resumed}")
         if recorder is not None:
             assert isinstance(server, TaskServer), "a fleet cannot be recorded"
@@ -270,18 +274,43 @@ def _server(
 
 
 def _observer(
-    options: argparse.Namespace, monitoring: Monitoring | None, recorder: RunRecorder | None
+    attendance: Attendance | None, monitoring: Monitoring | None, recorder: RunRecorder | None
 ) -> Observer | None:
     from taskrpc.observer import Observers
 
     observers: list[Observer] = [monitoring.observer] if monitoring else []
-    if options.attendance:
-        from taskrpc.classroom.attendance import Attendance
-
-        observers.append(Attendance(Path(options.attendance)))
+    if attendance is not None:
+        observers.append(attendance)
     if recorder is not None:
         observers.append(recorder.calls)
     return Observers(*observers) if len(observers) > 1 else next(iter(observers), None)
+
+
+def _attendance(options: argparse.Namespace) -> Attendance | None:
+    if not options.attendance:
+        return None
+    from taskrpc.classroom.attendance import Attendance  # few servers are those of a class
+
+    return Attendance(Path(options.attendance))
+
+
+def _offer_reset(
+    options: argparse.Namespace,
+    node: Node,
+    server: OfferedTasks,
+    attendance: Attendance | None,
+    monitoring: Monitoring | None,
+) -> None:
+    """Offer what `taskrpc classroom reset` calls, if this is the server of a class."""
+    from taskrpc.tasks import TaskServer
+
+    if options.class_folder is None or not isinstance(server, TaskServer):
+        return
+    from taskrpc.classroom.register import Register
+    from taskrpc.cli.classroom.group import GroupReset
+
+    forget = monitoring.forget_students if monitoring else lambda: None
+    GroupReset(server, Register(Path(options.class_folder)), attendance, forget).offer(node)
 
 
 def _faults(options: argparse.Namespace) -> CallFaults | None:
@@ -385,15 +414,7 @@ def _store(options: argparse.Namespace) -> TaskStore:
         return MemoryStore()
     if fleet_server.is_fleet(options):
         return fleet_server.store_of(options)
-    return SqliteStore(options.db or _default_file())
-
-
-def _default_file() -> Path:
-    from taskrpc.transport.settings import domain_id
-
-    domain = domain_id()
-    name = f"tasks_domain_{domain}.db" if domain else "tasks.db"
-    return platform.state_dir() / name
+    return SqliteStore(options.db or default_database())
 
 
 def _robot(options: argparse.Namespace) -> Callable[[], Robot]:

@@ -63,7 +63,9 @@ class KinematicRobot:
         self.world = world
         self.speed = speed
         self._limits = limits or Limits()
-        self._course = Course(pose, world.dock, self._limits)
+        self._start = pose
+        self._journal: RobotJournal | None = None
+        self._course = self._made_course()
         self._is_running = self._is_paused = self._is_stopped = False
         self._loop: asyncio.AbstractEventLoop | None = None
         # Ends the sleep of `execute`: True from its timer, False from `_recheck`.
@@ -73,8 +75,8 @@ class KinematicRobot:
 
     def keep_journal(self, journal: RobotJournal) -> None:
         """Pass each step of the motion to `journal`, for a recording; call it before any task."""
-        start, dock = self._course.standing.pose, self.world.dock
-        self._course = JournaledCourse(start, dock, self._limits, self.world, journal)
+        self._journal = journal
+        self._course = self._made_course()
 
     def plan(self, task_type: str, target: str, start: Pose) -> Plan:
         """Return exactly how long the task takes and where it ends; see `Robot.plan`."""
@@ -137,6 +139,19 @@ class KinematicRobot:
         self._is_stopped = self._is_running
         self._halt()
         self._course.clear()
+
+    def reset(self) -> None:
+        """Put the idle robot to its start, with a full battery and 0 metres driven."""
+        if self._is_running:
+            raise RuntimeError("the robot executes a task: expected an idle robot")
+        self._course = self._made_course()
+        self._last_end = -math.inf
+
+    def _made_course(self) -> Course:
+        if self._journal is None:
+            return Course(self._start, self.world.dock, self._limits)
+        world, journal = self.world, self._journal
+        return JournaledCourse(self._start, world.dock, self._limits, world, journal)
 
     def _task(self, task_type: str, target: str, start: Pose) -> tuple[Motion, float]:
         if task_type not in WORK_SECONDS:

@@ -9,7 +9,9 @@ There are two clocks. *Robot seconds* pass for the robot; *real seconds* pass fo
 `Robot.speed` robot seconds pass in one real second. It is 1.0 for hardware; only a simulation can
 be faster.
 
-The methods of `RobotTelemetry` are optional: the live page shows what they return.
+The methods of `RobotTelemetry` are optional: the live page shows what they return. A method
+``reset()`` is optional too: ``taskrpc classroom reset`` calls it while the robot is idle, to put it
+to its start.
 """
 
 from collections.abc import Callable, Sequence

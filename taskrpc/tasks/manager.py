@@ -396,6 +396,13 @@ class TaskManager(ManagedRobot):
             return TaskResponse(False, f"The queue is paused, but {failure}")
         return TaskResponse(True, f"The robot is stopped and the queue is paused{note}")
 
+    def reset_robot(self) -> str:
+        """Put the idle robot to its start; returns why it stays where it is, "" if it does not."""
+        reset = getattr(self.robot, "reset", None)
+        if reset is None:
+            return "the robot stays where it is: its class has no method `reset`"
+        return self._robot_guard.command(reset)
+
     # Internals
 
     def _refusal(

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from taskrpc.classroom.register import Place, Register
+    from taskrpc.cli.shared.parsing import Commands
     from taskrpc.security.roles import Account
 
 _PORT = 7450
@@ -55,6 +56,15 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = f"how many days the join strings are valid ({_DAYS})"
     adding.add_argument("--days", metavar="N", type=days, default=_DAYS, help=what)
     adding.set_defaults(run=_add)
+    _add_bundle(commands)
+    _add_reset(commands)
+    what = "Revoke students; a running server then refuses them"
+    revoking = add_command(commands, "revoke", what)
+    revoking.add_argument("names", nargs="+", metavar="NAME", help="name of the student")
+    revoking.set_defaults(run=_revoke)
+
+
+def _add_bundle(commands: Commands) -> None:
     what = "Make a folder with all that students install and read without the internet"
     bundling = add_command(commands, "bundle", what)
     what = "the folder to fill, for example on a memory stick; created if it is missing"
@@ -69,10 +79,23 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = "make nothing: check that each laptop can install what is in the folder"
     bundling.add_argument("--check", action="store_true", help=what)
     bundling.set_defaults(run=_bundle)
-    what = "Revoke students; a running server then refuses them"
-    revoking = add_command(commands, "revoke", what)
-    revoking.add_argument("names", nargs="+", metavar="NAME", help="name of the student")
-    revoking.set_defaults(run=_revoke)
+
+
+def _add_reset(commands: Commands) -> None:
+    what = "Begin the next group: empty queue, robot at its start, no last calls"
+    resetting = add_command(commands, "reset", what)
+    resetting.add_argument("--yes", action="store_true", help="do not ask")
+    what = "give all students new join strings; the earlier ones end"
+    resetting.add_argument("--new-accounts", action="store_true", help=what)
+    what = "the students of the next group, in the place of the former ones: a file or a number"
+    resetting.add_argument("--students", metavar="FILE|N", help=what)
+    what = f"how many days new join strings are valid ({_DAYS})"
+    resetting.add_argument(
+        "--days", metavar="N", type=whole(1, _MOST_DAYS), default=_DAYS, help=what
+    )
+    what = "the server's database, if it does not run and is not the default one"
+    resetting.add_argument("--db", metavar="FILE", help=what)
+    resetting.set_defaults(run=_reset)
 
 
 def _host(text: str) -> str:
@@ -220,6 +243,29 @@ def _bundle(options: argparse.Namespace) -> Exit:
     from taskrpc.cli.classroom.offline import make_or_check  # needs many modules
 
     return make_or_check(options)
+
+
+def _reset(options: argparse.Namespace) -> Exit:
+    from pathlib import Path
+
+    from taskrpc.cli.classroom.reset import REFRESH, confirmed, end_group
+    from taskrpc.cli.shared.task_database import default_database
+
+    register = _register()
+    assert register.place  # raises TaskRpcError if there is no class
+    names = _students(options.students) if options.students else None
+    if not confirmed(options):
+        print("nothing is changed", file=sys.stderr)
+        return Exit.ERROR
+    accounts: Sequence[Account] = ()
+    if options.new_accounts or names is not None:
+        # First, so that programs of the former group cannot submit more tasks.
+        accounts = register.renew(names, time.time() + options.days * _DAY)
+        time.sleep(REFRESH)
+    end_group(register, Path(options.db) if options.db else default_database())
+    if accounts:
+        _print_strings(register, accounts)
+    return Exit.DONE
 
 
 def _revoke(options: argparse.Namespace) -> Exit:

@@ -141,6 +141,13 @@ class TaskRepository:
             self._commits[task.task_id] = commit
         commit.add_done_callback(partial(self._committed, on_stored, tasks, forgotten, undo))
 
+    async def forget_ended(self) -> None:
+        """Forget the ended tasks, except those that are about to change. Raises StoreError."""
+        forgotten = [task_id for task_id in self._ended if task_id not in self._commits]
+        await self._store.apply([], forgotten)
+        self._announce((), forgotten)
+        self.change_feed.announce()
+
     async def remember_pause(self, paused: bool) -> None:
         """Store whether the queue is paused; raises StoreError."""
         before, self._is_paused = self._is_paused, paused

@@ -37,3 +37,13 @@ def test_programs_of_the_lecturer_are_not_recorded(tmp_path):
     attendance.call_began(SimpleNamespace(principal=""))
     attendance.node_ended(None)
     assert not path.exists()
+
+
+def test_next_group_begins_without_calls(tmp_path):
+    file = tmp_path / "attendance.json"
+    attendance = Attendance(file, lambda: 5.0)
+    attendance.call_began(type("Call", (), {"principal": "ada"}))
+    attendance.clear()
+    assert last_calls(file) == {}
+    attendance.node_ended(None)
+    assert last_calls(file) == {}

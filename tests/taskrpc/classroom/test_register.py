@@ -190,3 +190,31 @@ def test_missing_class_is_reported(register):
 def test_every_name_gives_a_valid_namespace(name, namespace):
     assert namespace_of(name) == namespace
     assert names.check_namespace(namespace) == namespace
+
+
+def test_renewed_students_keep_their_names_and_get_new_secrets(register):
+    before = register.add(["ada", "José", "bob"], 1e12)
+    register.revoke("bob")
+    after = register.renew(None, 2e12)
+    assert [account.name for account in after] == ["ada", "Jose"]
+    assert register.names() == {"Jose": "José"}
+    assert not {each.secret for each in before} & {each.secret for each in after}
+    assert register.accounts() == after
+
+
+def test_students_of_the_next_group_replace_the_former_ones_but_not_the_assistant(register):
+    (assistant, *_) = register.add(["assistant", "ada", "小明"], 1e12)
+    text = register.accounts_file.read_text(encoding="utf-8")
+    register.accounts_file.write_text(text.replace('"submit"', '"operate"', 1), encoding="utf-8")
+    register.renew(["zoe", "小明"], 2e12)
+    accounts = register.accounts()
+    assert [account.name for account in accounts] == ["assistant", "zoe", "student1"]
+    assert accounts[0] == replace(assistant, role=Role.OPERATE)
+
+
+def test_wrong_name_for_the_next_group_costs_no_account(register):
+    before = register.add(["ada", "José"], 1e12)
+    with pytest.raises(TaskRpcError, match="share the namespace"):
+        register.renew(["ana.k", "ana_k"], 1e12)
+    assert register.accounts() == before
+    assert register.names() == {"Jose": "José"}

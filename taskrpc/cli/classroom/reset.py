@@ -1,0 +1,108 @@
+"""`taskrpc classroom reset`: begins the next group, with or without a running server."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+import srvgen
+from taskrpc.classroom.archive import summary, write_archive
+from taskrpc.classroom.attendance import Attendance
+from taskrpc.classroom.register import Register
+from taskrpc.cli.classroom.group import RESET
+from taskrpc.cli.shared import graph
+from taskrpc.cli.shared.command import UsageError, hinted
+from taskrpc.cli.shared.remote import HERE
+from taskrpc.errors import TaskRpcError
+from taskrpc.tasks.model import TaskState
+from taskrpc.tasks.records.sqlite_store import SqliteStore
+from taskrpc.transport.discovery.registry import Registry
+from taskrpc.transport.settings import domain_id
+
+REFRESH = 1.5
+"""Seconds until a running server has noticed new accounts; it looks each second."""
+_TIMEOUT = 60.0  # seconds for a reset: thousands of tasks may have to be stored
+
+
+def confirmed(options: argparse.Namespace) -> bool:
+    """Ask whether to end the group, except with `--yes`. Raises UsageError without a terminal."""
+    if options.yes:
+        return True
+    if not sys.stdin.isatty():
+        problem = "expected --yes, because nobody can be asked here"
+        raise UsageError(f"taskrpc classroom reset: error: {problem}")
+    question = "End this group: cancel its tasks, and put the robot to its start? [y/N] "
+    return input(question).strip().lower() in ("y", "yes")
+
+
+def end_group(register: Register, database: Path) -> None:
+    """End the present group, and print what was done.
+
+    `database` is that of the task server; it is used only if no server runs. Raises TaskRpcError.
+    """
+    services = _running()
+    if not services:
+        print(_end_stored(register, database))
+    for service in services:
+        print(asyncio.run(_call(service)))
+
+
+def _running() -> Sequence[str]:
+    """Return the reset services of this machine's servers.
+
+    Raises TaskRpcError if a task server runs that is not the server of the class.
+    """
+    entries = graph.others(Registry(domain_id()).entries())
+    names = [each.name for entry in entries for each in entry.services]
+    found = sorted({name for name in names if name.endswith(f"/{RESET}")})
+    for entry in entries:
+        if not found and entry.offers("/robot_task"):
+            raise hinted(
+                TaskRpcError(f"{entry.script} (pid {entry.pid}) is no server of a class"),
+                f"end it with `taskrpc stop {entry.pid}`, or start it with `taskrpc classroom"
+                " --serve`",
+            )
+    return found
+
+
+async def _call(service: str) -> str:
+    trigger = srvgen.load("std_srvs/srv/Trigger")
+    async with HERE.node() as node:
+        client = node.create_client(trigger, service, timeout=_TIMEOUT)
+        response = await client.call(trigger.Request())
+    return f"{service.removesuffix('/reset')}: {response.message}"
+
+
+def _end_stored(register: Register, database: Path) -> str:
+    """End the group in the files, while no server runs; returns what was done."""
+    try:
+        if database.exists():
+            count, path = asyncio.run(_end_stored_tasks(register, database))
+        else:
+            count, path = 0, write_archive(register, [], time.time())
+        attendance = register.attendance_file
+        if attendance.exists():
+            Attendance(attendance).clear()
+    except OSError as error:
+        raise TaskRpcError(f"{error.filename}: {error.strerror}") from None
+    return f"no server runs: {summary(count, path)}"
+
+
+async def _end_stored_tasks(register: Register, database: Path) -> tuple[int, Path | None]:
+    now, store = time.time(), SqliteStore(database)
+    try:
+        stored = await store.load()
+        tasks = [
+            each if each.state.is_ended else each.ended(TaskState.CANCELED, now, message="reset")
+            for each in stored.tasks
+        ]
+        path = write_archive(register, tasks, now)
+        await store.apply([], [each.task_id for each in tasks])
+        await store.remember_pause(False)
+    finally:
+        await store.close()
+    return len(tasks), path
