@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install test faults browser interop pictures site slides postgres soak mutants lint types layers windows check format demo bench clean
+.PHONY: install test faults browser notebooks interop pictures site slides postgres soak mutants lint types layers windows check format demo bench clean
 
 install:
 	$(PYTHON) -m venv $(VENV)
@@ -19,6 +19,10 @@ faults:
 browser:
 	$(BIN)/pip install --quiet --editable '.[dev,browser]'
 	$(BIN)/pytest -m browser tests/browser tests/taskrpc/turtlesim
+
+notebooks:
+	$(BIN)/pip install --quiet --editable '.[dev,notebooks]'
+	$(BIN)/pytest -m notebooks tests/notebooks
 
 pictures:
 	$(BIN)/pip install --quiet --editable '.[dev,browser]'

@@ -214,6 +214,7 @@ MODULES = {
     "taskrpc": taskrpc.__all__,
     "taskrpc.sync": importlib.import_module("taskrpc.sync").__all__,
     "taskrpc.fleet": importlib.import_module("taskrpc.fleet").__all__,
+    "taskrpc.notebook": importlib.import_module("taskrpc.notebook").__all__,
     "taskrpc.logs": ["CallFilter", "JsonFormatter", "TextFormatter", "handler"],
     "taskrpc.metrics": ["Family", "Histogram", "Kind", "Sample", "render", "store_families"],
     "taskrpc.metrics.tasks": ["MeasuredStore", "task_families"],

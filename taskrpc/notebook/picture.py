@@ -18,7 +18,7 @@ _WIDTH = 380  # pixels of the map
 _MOST_TASKS = 10  # shown of the queue
 _TEXT = "var(--jp-content-font-color1, var(--vscode-editor-foreground, currentColor))"
 _FONT = "var(--jp-content-font-family, system-ui, sans-serif)"
-_ROBOT, _TARGET, _ERROR = "#1a73e8", "#c2410c", "#c62828"  # readable on light and dark pages
+_ROBOT, _TARGET, _ERROR = "#1a73e8", "#c2410c", "#d84315"  # readable on light and dark pages
 _CELL = "padding:2px 12px 2px 0;text-align:left;background:none"
 _RIGHT = "padding:2px 12px 2px 0;text-align:right;background:none;font-variant-numeric:tabular-nums"
 
@@ -98,7 +98,7 @@ def _queue(server: TaskServerRow) -> str:
         return ""
     more = server.queued - sum(row.state == "QUEUED" for row in server.tasks[:_MOST_TASKS])
     after = f'<div style="opacity:.7">and {more} more</div>' if more > 0 else ""
-    return _table(("task", "work", "priority", ""), rows, numbers=(0, 2)) + after
+    return _table(("task", "work", "priority", "state"), rows, numbers=(0, 2)) + after
 
 
 def _calls(calls: Iterable[EndedCall]) -> str:
@@ -106,7 +106,7 @@ def _calls(calls: Iterable[EndedCall]) -> str:
         (_clock(call.at), _caller(call), call.service, call.result, f"{call.ms:g} ms")
         for call in calls
     ]
-    return _table(("last calls", "from", "to", "result", ""), rows, numbers=(4,))
+    return _table(("last calls", "from", "to", "result", "took"), rows, numbers=(4,))
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int]) -> str:
@@ -157,7 +157,7 @@ def _map(world: World, server: TaskServerRow, trail: Sequence[Point]) -> str:
     if len(trail) > 1:
         parts.append(
             f'<polyline points="{" ".join(map(at, trail))}" fill="none" stroke="{_ROBOT}"'
-            ' stroke-width="2" opacity=".5"/>'
+            ' stroke-width="2" opacity=".7"/>'
         )
     if (target := _target(world, server.tasks)) is not None:
         x, y = at(target).split(",")

@@ -60,8 +60,8 @@ def test_target_of_the_running_task_is_marked():
 
 
 def test_failed_call_is_marked():
-    assert html(Shown(WORLD, calls=(CALL,))).count("#c62828") == 0
-    assert html(Shown(WORLD, calls=(FAILED,))).count("#c62828") == 5
+    assert html(Shown(WORLD, calls=(CALL,))).count("#d84315") == 0
+    assert html(Shown(WORLD, calls=(FAILED,))).count("#d84315") == 5
 
 
 def test_long_queue_is_shortened():
