@@ -12,7 +12,18 @@ from typing import Any
 
 from taskrpc.notebook.session import session
 
-__all__ = ["check", "lab", "load_ipython_extension", "spin", "start_robot", "stop_robot", "view"]
+__all__ = [
+    "check",
+    "lab",
+    "load_ipython_extension",
+    "run",
+    "spin",
+    "start",
+    "start_robot",
+    "stop",
+    "stop_robot",
+    "view",
+]
 
 
 def load_ipython_extension(ipython: Any) -> None:
@@ -71,4 +82,25 @@ def lab(number: int) -> None:
 
 def check() -> None:
     """Check the lab of this notebook, as `taskrpc lab check` does."""
-    session().check()
+    session().begun_lab().check()
+
+
+def run(file: str, *arguments: object) -> None:
+    """Run a file of the lab as a program of its own, and show its output until it ends.
+
+    Interrupting the cell ends the program, as Ctrl-C does in a terminal.
+    """
+    session().begun_lab().run(file, [str(each) for each in arguments])
+
+
+def start(file: str, *arguments: object) -> None:
+    """Start a file of the lab as a program of its own; its output appears below this cell.
+
+    The program runs until `stop(file)`, until it is started again, or until the kernel ends.
+    """
+    session().begun_lab().start(file, [str(each) for each in arguments])
+
+
+def stop(file: str) -> None:
+    """End the program of a file, as Ctrl-C does in a terminal."""
+    session().begun_lab().stop(file)

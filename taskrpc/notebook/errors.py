@@ -25,9 +25,19 @@ def lines_of(error: BaseException, location: Location) -> list[str]:
     return excepthook.messages_of(error, is_ours, location)
 
 
+_RAISED = (AttributeError, RuntimeError, TypeError, ValueError)
+"""Python's errors that taskrpc raises for wrong arguments, mostly because ROS does."""
+
+
 def is_ours(error: BaseException) -> bool:
-    """Whether taskrpc raised the error on purpose; in a notebook also if rclpy has its class."""
-    return errors.is_ours(error) or type(error).__module__.startswith("rclpy.")
+    """Whether taskrpc raised the error on purpose.
+
+    In a notebook, also if rclpy has its class, or if the last line of the traceback is taskrpc's.
+    """
+    if errors.is_ours(error) or type(error).__module__.startswith("rclpy."):
+        return True
+    frames = _frames(error.__traceback__)
+    return isinstance(error, _RAISED) and bool(frames) and frames[-1][0].startswith(OWN)
 
 
 def _interrupted(traceback: TracebackType | None, location: Location) -> list[str]:

@@ -17,7 +17,8 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.notebook.errors import lines_of
 
 _SHORT = (
-    *(TaskRpcError, DefinitionError, FieldError, TypeError, ExceptionGroup),
+    *(TaskRpcError, DefinitionError, FieldError, ExceptionGroup),
+    *(AttributeError, RuntimeError, TypeError, ValueError),
     *(KeyboardInterrupt, asyncio.CancelledError),
     SyntaxError,  # IPython would show the frames of `%%lab`
 )

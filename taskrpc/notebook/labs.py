@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import signal
-import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import srvgen
@@ -16,12 +12,10 @@ from taskrpc.labs import catalogue
 from taskrpc.labs.lab import Lab
 from taskrpc.labs.starter import read_record, write_starter
 from taskrpc.labs.variants import Variant
+from taskrpc.notebook.programs import Program, Programs
 from taskrpc.ros import hook
 
 _DEFINITIONS = (".srv", ".msg", ".action")
-_END = 5.0
-"""Seconds that the checks have to end after an interrupt."""
-
 Run = Callable[[str, Path], object]
 """Runs the text of a file in the notebook's namespace."""
 
@@ -39,6 +33,7 @@ class NotebookLab:
         self.lab: Lab = catalogue.lab(number)
         self.folder = place / f"lab{number}"
         self._run = run
+        self._programs = Programs()
 
     def begin(self) -> None:
         """Write the starter files, unless the lab was begun before; let cells import from it."""
@@ -68,38 +63,25 @@ class NotebookLab:
 
     def check(self) -> None:
         """Run the checks, and print what they say as soon as they say it."""
-        command = [sys.executable, "-m", "taskrpc", "lab", "check", str(self.lab.number)]
-        # A group of its own: the kernel's interrupt also goes to the kernel's group.
-        checks = subprocess.Popen(
-            command,
-            cwd=self.folder,
-            env={**os.environ, "PYTHONIOENCODING": "utf-8", "NO_COLOR": "1"},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            encoding="utf-8",
-            errors="replace",
-            start_new_session=True,
-        )
-        assert checks.stdout is not None
-        try:
-            with checks.stdout:
-                for line in checks.stdout:
-                    print(line, end="", flush=True)
-            checks.wait()
-        finally:
-            _end(checks)
+        Program(["lab", "check", str(self.lab.number)], self.folder).show_output()
 
+    def run(self, file: str, arguments: Sequence[str]) -> None:
+        """Run a file as a program of its own, and print its output until it ends."""
+        Program(["run", self._known(file), *arguments], self.folder).show_output()
 
-def _end(process: subprocess.Popen[str]) -> None:
-    """End a process as Ctrl-C does, or at once if it does not react."""
-    if process.poll() is None:
-        if sys.platform != "win32":
-            process.send_signal(signal.SIGINT)
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                process.wait(_END)
-        process.kill()
-        process.wait()
+    def start(self, file: str, arguments: Sequence[str]) -> None:
+        """Start a file as a program of its own, and print its output from now on."""
+        self._programs.start(self._known(file), arguments, self.folder)
+
+    def stop(self, file: str) -> None:
+        """End the program of a file, if it runs."""
+        self._programs.stop(self._known(file))
+
+    def _known(self, file: str) -> str:
+        if not (self.folder / file).is_file():
+            names = " and ".join(sorted(path.name for path in self.folder.glob("*.py")))
+            raise TaskRpcError(f"there is no file {file} in {self.folder}; expected one of {names}")
+        return file
 
 
 def _forget(package: str) -> None:

@@ -94,20 +94,17 @@ class Session:
         print(lab.lab.goal)
         print(f"Your files are in {lab.folder}")
 
-    def check(self) -> None:
-        """Check the lab."""
-        self._begun_lab().check()
-
-    def _write(self, name: str, text: str) -> None:
-        """The magic `%%lab FILE`."""
-        self._begun_lab().write(name.strip(), text)
-
-    def _begun_lab(self) -> NotebookLab:
+    def begun_lab(self) -> NotebookLab:
+        """Return the lab of this notebook. Raises TaskRpcError if none was begun."""
         if self._lab is None:
             raise TaskRpcError(
                 "no lab was begun in this notebook: run its first cell, which calls notebook.lab(1)"
             )
         return self._lab
+
+    def _write(self, name: str, text: str) -> None:
+        """The magic `%%lab FILE`."""
+        self.begun_lab().write(name.strip(), text)
 
     def _world(self) -> World:
         if self._robot is not None:

@@ -1,7 +1,9 @@
 """Cells in a real kernel: run twice, interrupted, restarted, in two notebooks at once."""
 
+import os
 import re
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -200,6 +202,88 @@ def test_two_notebooks_call_each_other_and_name_each_other(kernel, new_kernel):
     assert "is already offered by notebook lab2.ipynb (pid " in error
 
 
+PROGRAM = """
+%%writefile lab1/NAME.py
+import os, sys, time
+import rclpy
+rclpy.init()
+node = rclpy.create_node("NAME")
+print(os.getpid(), sys.argv[1:], flush=True)
+rclpy.spin(node)
+"""
+
+
+def nodes(kernel):
+    return kernel.good("!taskrpc node list").split()
+
+
+def program_ids(text):
+    return [int(found) for found in re.findall(r"^(\d+) \[", text, flags=re.M)]
+
+
+def wait_for_end(process):
+    for _ in range(200):
+        try:
+            os.kill(process, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.1)
+    raise AssertionError("the program still runs")
+
+
+def test_program_runs_in_the_background_until_it_is_started_again_or_stopped(kernel):
+    kernel.good("notebook.lab(1)\n")
+    kernel.good(PROGRAM.replace("NAME", "server").lstrip())
+    wait = "\n!for i in 1 2 3 4 5 6 7 8 9; do taskrpc node list | grep -q server && break; done"
+    first = program_ids(kernel.good(f"notebook.start('server.py', 1){wait}"))
+    assert nodes(kernel) == ["/server"]
+    second = program_ids(kernel.good(f"notebook.start('server.py', 2){wait}"))
+    wait_for_end(first[0])
+    assert nodes(kernel) == ["/server"]
+    kernel.good("notebook.stop('server.py')")
+    wait_for_end(second[-1])
+    assert nodes(kernel) == []
+
+
+def test_program_ends_with_a_killed_kernel(kernel):
+    kernel.good("notebook.lab(1)")
+    kernel.good(PROGRAM.replace("NAME", "server").lstrip())
+    output = kernel.good("notebook.start('server.py')\nimport time\ntime.sleep(5)")
+    [process] = program_ids(output)
+    kernel.restart()
+    wait_for_end(process)
+
+
+def test_interrupt_ends_a_program_in_the_foreground_only(kernel):
+    kernel.good("notebook.lab(1)")
+    for name in ("server", "client"):
+        kernel.good(PROGRAM.replace("NAME", name).lstrip())
+    server = program_ids(kernel.good("notebook.start('server.py')\nimport time\ntime.sleep(5)"))
+    output = kernel.run("notebook.run('client.py', 2, 3)", interrupt_at="['2', '3']")
+    [client] = [each for each in program_ids(output.text) if each not in server]
+    assert "KeyboardInterrupt: the cell was interrupted while it waited" in output.error
+    wait_for_end(client)
+    assert nodes(kernel) == ["/server"]
+
+
+def test_magic_without_a_lab_says_what_to_do(kernel):
+    error = kernel.run("%%lab server.py\nx = 1").error
+    assert "run its first cell, which calls notebook.lab(1)" in error
+    assert "\n" not in error
+
+
+def test_mistake_in_a_file_of_the_lab_is_shown_with_its_line(kernel):
+    kernel.good("notebook.lab(1)")
+    error = kernel.run("%%lab server.py\nx = 1\n1 / 0").error
+    assert "lab1/server.py:2" in error
+    assert "taskrpc" not in error
+    error = kernel.run("%%lab server.py\nx = 1\ny = = 2").error
+    assert "lab1/server.py:2" in error
+    assert "taskrpc" not in error
+    error = kernel.run("%%lab my_things/srv/Word.srv\nint x\n---").error
+    assert "did you mean int32?" in error
+
+
 def test_picture_follows_the_robot(kernel):
     kernel.good("notebook.start_robot(speed=20)", "r")
     kernel.good("notebook.start_robot(speed=20)", "r")
@@ -239,7 +323,6 @@ def test_page_is_true(kernel):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the terminal's IPython is tried on POSIX only")
 def test_module_works_without_a_kernel(tmp_path, runtime):
-    import os
     import subprocess
 
     code = "from taskrpc import notebook\nnotebook.start_robot()\nnotebook.view()\n"

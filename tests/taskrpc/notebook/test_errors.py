@@ -83,3 +83,17 @@ def test_error_of_rclpy_takes_one_line():
     assert lines_of(raised("raise error", "/a.py", error=RCLError("twice")), place) == [
         "Cell In[3], line 1: RCLError: twice"
     ]
+
+
+def test_wrong_argument_that_taskrpc_refuses_takes_one_line():
+    inner = {}
+    exec(compile("def refuse(): raise ValueError('no')", f"{OWN}/rclpy/x.py", "exec"), inner)
+    error = raised("refuse()", "/a.py", refuse=inner["refuse"])
+    assert lines_of(error, place) == ["Cell In[3], line 1: ValueError: no"]
+
+
+def test_error_of_a_students_function_that_taskrpc_calls_keeps_its_traceback():
+    inner = {}
+    exec(compile("def call(callback): callback()", f"{OWN}/rclpy/x.py", "exec"), inner)
+    error = raised("def own():\n    raise ValueError('no')\ncall(own)", "/a.py", call=inner["call"])
+    assert lines_of(error, place) == []

@@ -41,6 +41,11 @@ def test_file_outside_of_the_lab_is_refused(lab, name):
         lab.write(name, "x = 1\n")
 
 
+def test_program_that_does_not_exist_is_refused(lab):
+    with pytest.raises(TaskRpcError, match=r"no file x.py in .*; expected one of client.py and"):
+        lab.run("x.py", [])
+
+
 @pytest.mark.parametrize("each", LABS, ids=lambda each: f"lab{each.number}")
 def test_each_lab_has_a_notebook_in_step_with_its_files(each):
     path = NOTEBOOKS / f"lab{each.number}.ipynb"
