@@ -104,9 +104,10 @@ SCENES: tuple[Scene, ...] = (
         ros="The client finds no server, and prints nothing.",
         why="A service is a name and a type. A client with another type, or with another version"
         " of the .srv file, finds no server.",
-        cure="Compare the types with `ros2 service type /add`. Use that of the server.",
-        problem=Excerpt("node.create_service(", "wait_for_service", ("create_client(",)),
-        cured=Excerpt("node.create_service(", "wait_for_service", ("create_client(",)),
+        cure="Compare the types with `ros2 service type /robot_task`. Use that of the server.",
+        problem=Excerpt("from std_srvs", "wait_for_service", ("create_client(",)),
+        cured=Excerpt("from my_robot", "wait_for_service", ("create_client(",)),
+        robot=True,
     ),
     Scene(
         name="two-servers",

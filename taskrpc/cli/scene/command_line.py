@@ -82,16 +82,29 @@ def _serve(options: Namespace) -> int:
 
 def _show(scene: Scene, screen: Screen, *, cure: bool, like_ros: bool) -> None:
     """Show one program of a scene while it runs."""
-    from taskrpc.scenes.player import excerpt, play, program_path
-
-    def report(moment: Moment) -> None:
-        _print(screen.moment(moment))
+    from taskrpc.scenes.player import excerpt, program_path
 
     program = program_path(scene, cure=cure).read_text(encoding="utf-8")
     _print(screen.title(scene, cure=cure, like_ros=like_ros))
     _print(screen.code(excerpt(scene, cure=cure).lines(program)))
-    asyncio.run(play(scene, report, cure=cure, like_ros=like_ros))
+    asyncio.run(_play(scene, screen, cure=cure, like_ros=like_ros))
     _print(screen.explanation(scene, cure=cure, like_ros=like_ros))
+
+
+async def _play(scene: Scene, screen: Screen, *, cure: bool, like_ros: bool) -> None:
+    """Run a program and print what happens; if nobody reads the output, end the program."""
+    from taskrpc.scenes.player import play
+
+    news: asyncio.Queue[Moment | None] = asyncio.Queue()
+    playing = asyncio.create_task(play(scene, news.put_nowait, cure=cure, like_ros=like_ros))
+    playing.add_done_callback(lambda _: news.put_nowait(None))
+    try:
+        while (moment := await news.get()) is not None:
+            _print(screen.moment(moment))
+    finally:
+        playing.cancel()
+        await asyncio.wait([playing])
+    await playing
 
 
 def _print_program(scene: Scene, screen: Screen, *, cure: bool) -> None:

@@ -1,19 +1,13 @@
 import rclpy
-from example_interfaces.srv import AddTwoInts
+from my_robot_interfaces.srv import RobotTask
 from rclpy.node import Node
 
-
-def add(request, response):
-    response.sum = request.a + request.b
-    return response
-
-
 rclpy.init()
-node = Node("adder")
-node.create_service(AddTwoInts, "add", add)
+node = Node("operator")
+client = node.create_client(RobotTask, "robot_task")
+print("is there a service /robot_task?", client.wait_for_service(timeout_sec=1.0))
 
-client = node.create_client(AddTwoInts, "add")
-print("is there a service /add?", client.wait_for_service(timeout_sec=1.0))
-future = client.call_async(AddTwoInts.Request(a=2, b=3))
+request = RobotTask.Request(task_type="report", target="central", priority=5)
+future = client.call_async(request)
 rclpy.spin_until_future_complete(node, future)
-print("2 + 3 =", future.result().sum)
+print("the robot accepted task", future.result().task_id)

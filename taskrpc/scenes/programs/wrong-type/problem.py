@@ -1,18 +1,9 @@
 import rclpy
-from example_interfaces.srv import AddTwoInts
 from rclpy.node import Node
-from std_srvs.srv import SetBool
-
-
-def add(request, response):
-    response.sum = request.a + request.b
-    return response
-
+from std_srvs.srv import Trigger
 
 rclpy.init()
-node = Node("adder")
-node.create_service(AddTwoInts, "add", add)
-
-client = node.create_client(SetBool, "add")
+node = Node("operator")
+client = node.create_client(Trigger, "robot_task")
 for _ in range(3):
-    print("is there a service /add?", client.wait_for_service(timeout_sec=1.0))
+    print("is there a service /robot_task?", client.wait_for_service(timeout_sec=1.0))

@@ -1,8 +1,11 @@
 """`taskrpc scene` lists the scenes and shows their programs; `test_player` plays them."""
 
+import asyncio
+
 import pytest
 
 from taskrpc.cli.main import main
+from taskrpc.cli.scene.screen import Screen
 from taskrpc.scenes import player
 from taskrpc.scenes.catalogue import SCENES
 from taskrpc.scenes.moments import Moment
@@ -75,3 +78,22 @@ def test_unknown_scene_is_one_line(capsys):
 def test_options_without_a_name_are_refused(capsys):
     assert main(["scene", "--cure"]) == 2
     assert "expected the name of a scene" in capsys.readouterr().err
+
+
+def test_program_ends_if_nobody_reads_the_output(monkeypatch, played):
+    ended = []
+
+    async def play(scene, report, **_):
+        report(Moment(0.0, "program", "begins"))
+        try:
+            await asyncio.sleep(100)
+        finally:
+            ended.append(scene.name)
+
+    def moment(*_):
+        raise OSError("closed")
+
+    monkeypatch.setattr(player, "play", play)
+    monkeypatch.setattr(Screen, "moment", moment)
+    assert main(["scene", "deadlock"]) == 1
+    assert ended == ["deadlock"]
