@@ -10,6 +10,7 @@ source file to which a page links becomes a page too.
 from __future__ import annotations
 
 import os
+import posixpath
 import re
 import shutil
 import subprocess
@@ -54,10 +55,9 @@ def main() -> int:
         staged = Path(folder) / "pages"
         stage(staged)
         settings = Path(folder) / "mkdocs.yml"
-        settings.write_text(
-            f"INHERIT: {HOME / 'mkdocs.yml'}\n"
-            + yaml.safe_dump({"docs_dir": str(staged), "site_dir": str(target), "nav": nav(staged)})
-        )
+        added = {"INHERIT": str(HOME / "mkdocs.yml"), "nav": nav(staged)}
+        folders = {"docs_dir": str(staged), "site_dir": str(target)}
+        settings.write_text(yaml.safe_dump({**added, **folders}), encoding="utf-8")
         command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet"]
         environment = {**os.environ, "NO_MKDOCS_2_WARNING": "true"}
         done = subprocess.run(
@@ -141,7 +141,7 @@ def nav(staged: Path) -> list[Any]:
     for section in re.split(r"^## ", index, flags=re.M)[1:]:
         title = section.partition("\n")[0]
         entries: list[Any] = [
-            {label: os.path.normpath(f"docs/{target}")}
+            {label: posixpath.normpath(f"docs/{target}")}
             for label, target in _ENTRY.findall(section)
             if not target.startswith("..")
         ]
@@ -151,7 +151,8 @@ def nav(staged: Path) -> list[Any]:
             rooms.append({title: entries})
     named = set(_targets(rooms))
     examples = [
-        str(path.relative_to(staged)) for path in sorted((staged / "examples").glob("*/README.md"))
+        path.relative_to(staged).as_posix()
+        for path in sorted((staged / "examples").glob("*/README.md"))
     ]
     project = [{"All pages": "docs/README.md"}, "CONTRIBUTING.md", "CHANGELOG.md"]
     project += [f"benchmarks/{name}.md" for name in ("RESULTS", "GROWTH")]
@@ -162,7 +163,7 @@ def nav(staged: Path) -> list[Any]:
         {"Project": project},
     ]
     named |= set(_targets(found))
-    rest = {str(path.relative_to(staged)) for path in staged.rglob("*.md")} - named
+    rest = {path.relative_to(staged).as_posix() for path in staged.rglob("*.md")} - named
     found[-1]["Project"].append({"Source files": sorted(rest)})
     return found
 
