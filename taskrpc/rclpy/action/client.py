@@ -390,8 +390,14 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     def take_data(self) -> list[Callable[[], Any]]:
         """Take one message of each kind; returns the functions that handle them."""
         self._handle.check()
-        parts = [part for part in self._parts if part.has_work() and self._may_take(part)]
-        taken = [part.take_work() for part in parts]
+        # The order of these checks matters, as messages arrive between them: the response to a
+        # cancellation arrives before the result, and a result ends the feedback.
+        checked = (self._result, self._cancel, self._send, self._feedback, self._status)
+        ready = [part for part in checked if part.has_work() and self._may_take(part)]
+        if self._cancel in ready and self._result in ready:
+            # The callbacks of one round run in the opposite order. The result waits for the next.
+            ready.remove(self._result)
+        taken = [part.take_work() for part in self._parts if part in ready]
         return [handle for handle in taken if handle is not None]
 
     async def execute(self, taken_data: list[Callable[[], Any]]) -> None:

@@ -18,6 +18,7 @@ from taskrpc.errors import Code, HandlerFailed
 
 from .._impl.actions.goal_ids import shown
 from .._impl.actions.result_clock import ResultClock
+from .._impl.actions.result_futures import ResultFutures
 from .._impl.actions.server_parts import Profiles, ServerParts, Taken
 from .._impl.diagnostics import explain
 from .._impl.node_interface import NodeInterface
@@ -34,7 +35,6 @@ from ..qos import (
 )
 from ..service import RequestHeader
 from ..service_introspection import ServiceIntrospectionState
-from ..task import Future, set_executor
 from ..type_support import check_is_valid_action_type
 from ..waitable import NumberOfEntities, Waitable
 
@@ -252,9 +252,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         self._ledger = GoalLedger(result_timeout)
         self._result_clock = ResultClock(node.get_clock(), self._time_advanced)
         self._goal_handles: dict[bytes, ServerGoalHandle[GoalT, ResultT, FeedbackT]] = {}
-        self._result_futures: dict[bytes, Future[Any]] = {}
-        self._awaiting: dict[RequestHeader, None] = {}
-        """The requests for results of goals that have not ended."""
+        self._results = ResultFutures(self._send_result)
         self._status_at, self._status_due = -_NEVER, _NEVER
         """When the status was published, and when a status that was put off is due."""
         self._messages = messages = ActionMessages(action_type)
@@ -360,7 +358,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             self._logger.error(f"Failed to accept new goal with ID {shown(key)}: {error}")
             return None
         self._goal_handles[key] = handle
-        self._result_futures[key] = Future()
+        self._results.add(key)
         return handle
 
     async def _cancel_requested(self, header: RequestHeader, request: Any) -> None:
@@ -370,14 +368,22 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             code, found = goals_to_cancel(
                 self._ledger.accepted, bytes_of(info.goal_id), nanoseconds_of(info.stamp)
             )
-        canceling = [record for record in found if await self._may_cancel(record)]
-        response = self._messages.cancel_goal.Response(return_code=code)
-        response.goals_canceling = [
-            self._messages.goal_info(record.goal_id, record.stamp) for record in canceling
-        ]
-        self._parts.cancels.send_response(response, header)
+        canceling: list[GoalRecord] = []
+        try:
+            for record in found:
+                if await self._cancel(record):
+                    canceling.append(record)  # noqa: PERF401 - complete also after an exception
+            response = self._messages.cancel_goal.Response(return_code=code)
+            response.goals_canceling = [
+                self._messages.goal_info(record.goal_id, record.stamp) for record in canceling
+            ]
+            self._parts.cancels.send_response(response, header)
+        finally:
+            for record in canceling:
+                self._results.release(record.goal_id)
 
-    async def _may_cancel(self, record: GoalRecord) -> bool:
+    async def _cancel(self, record: GoalRecord) -> bool:
+        """Cancel a goal if the callback agrees; then its result waits for `release`."""
         handle = self._goal_handles.get(record.goal_id)
         if handle is None:
             return False
@@ -386,9 +392,12 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             if not isinstance(answer, CancelResponse):
                 explain.invalid_cancel_response(self._action_name, _what(answer))
             return False
+        if not self._results.hold(record.goal_id):
+            return False  # another request cancels it at this moment
         try:
             handle._update_state(GoalEvent.CANCEL_GOAL)
         except RCLError as error:  # the goal ended while the callback decided
+            self._results.release(record.goal_id)
             self._logger.debug(f"Failed to cancel goal in cancel callback: {error}")
             return False
         return True
@@ -396,22 +405,15 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     def _result_requested(self, header: RequestHeader, request: Any) -> None:
         key = bytes_of(request.goal_id)
         self._logger.debug(f"Result request received for goal with ID: {shown(key)}")
-        future = self._result_futures.get(key)
-        if future is None:
+        if not self._results.request(key, header, self._node.executor):
             self._logger.warning(
                 f"Sending result response for unknown or expired goal ID: {shown(key)}"
             )
-            self._parts.results.send_response(self._messages.get_result.Response(), header)
-            return
-        if (executor := self._node.executor) is not None:
-            set_executor(future, executor)
-        self._awaiting[header] = None
-        future.add_done_callback(lambda done: self._send_result(header, done))
+            self._send_result(self._messages.get_result.Response(), header)
 
-    def _send_result(self, header: RequestHeader, future: Future[Any]) -> None:
-        self._awaiting.pop(header, None)
+    def _send_result(self, response: Any, header: RequestHeader) -> None:
         if self._handle.valid:
-            self._parts.results.send_response(future.result(), header)
+            self._parts.results.send_response(response, header)
 
     # Goals
 
@@ -466,17 +468,17 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     def _set_result(
         self, goal_handle: ServerGoalHandle[GoalT, ResultT, FeedbackT], result: Any
     ) -> None:
-        future = self._result_futures.get(bytes_of(goal_handle.goal_id))
-        if future is None or future.done():
+        key = bytes_of(goal_handle.goal_id)
+        if not self._results.is_open(key):
             return
         response = self._messages.get_result.Response(status=goal_handle.status)
         try:
             response.result = self._as_result(result)
         except TypeError as error:
-            future.set_result(response)
+            self._results.complete(key, response)
             explain.invalid_result(self._action_name, str(error))
             raise
-        future.set_result(response)
+        self._results.complete(key, response)
 
     def _as_result(self, value: Any) -> Any:
         """Return the value as a result. As in ROS, any object with the same fields is accepted."""
@@ -522,9 +524,9 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         for goal_handle in list(self._goal_handles.values()):
             goal_handle.destroy()
         gone = HandlerFailed(Code.UNAVAILABLE, f"the server of {self._action_name} was destroyed")
-        while self._awaiting and not explain.like_ros():
-            header, _ = self._awaiting.popitem()
-            header.call.fail(gone)
+        if not explain.like_ros():
+            for header in self._results.take_waiting():
+                header.call.fail(gone)
         self._parts.destroy()
 
     node_destroyed = destroy
@@ -594,7 +596,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             # The ledger also forgets results when it has too many.
             for key in [key for key in self._goal_handles if self._ledger.find(key) is None]:
                 self._goal_handles.pop(key).destroy()
-                self._result_futures.pop(key, None)
+                self._results.forget(key)
 
 
 _EXECUTING = (None, default_handle_accepted_callback)

@@ -8,7 +8,7 @@ import taskrpc
 import taskrpc.sync
 from taskrpc.errors import WouldDeadlock
 from taskrpc.rclpy import action as action_module
-from taskrpc.rclpy.action import ActionClient, GoalResponse
+from taskrpc.rclpy.action import ActionClient, CancelResponse, GoalResponse
 from taskrpc.rclpy.action.client import ClientGoalHandle
 from taskrpc.rclpy.exceptions import InvalidHandle, InvalidTopicNameException
 from tests.rclpy.action.actions import UUID, Fibonacci, GoalStatus, action, ended, order, result
@@ -226,3 +226,29 @@ def test_the_name_of_an_action_is_remapped_as_in_ros():
             assert [name for name, _ in names(node, "remapped", "/")] == ["/turtle2/rotate"]
         client.destroy()
         server.destroy()
+
+
+def test_the_callback_for_a_cancellation_runs_before_that_for_the_result():
+    kept = []
+
+    def execute(goal):
+        goal.canceled()
+        return result(1)
+
+    settings = {"cancel_callback": lambda _: CancelResponse.ACCEPT}
+    with action(execute, handle_accepted_callback=kept.append, **settings) as pair:
+        handle = pair.send(order(1))
+        pair.world.executor.remove_node(pair.calling)
+        arrived, client = [], pair.client
+        for name, future in (
+            ("result", handle.get_result_async()),
+            ("cancel", handle.cancel_goal_async()),
+        ):
+            future.add_done_callback(lambda _, name=name: arrived.append(name))
+        pair.world.spin_until(lambda: kept[0].is_cancel_requested)
+        kept[0].execute()
+        # Both responses wait for the executor.
+        pair.world.spin_until(lambda: client._cancel.has_work() and client._result.has_work())
+        pair.world.executor.add_node(pair.calling)
+        pair.world.spin_until(lambda: len(arrived) == 2)
+        assert arrived == ["cancel", "result"]

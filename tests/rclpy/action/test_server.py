@@ -169,6 +169,31 @@ def test_a_server_cancels_no_goal_unless_its_callback_accepts():
         assert pair.cancel(pair.send(order(1))) == 0
 
 
+def test_a_result_is_sent_after_the_response_to_the_cancellation():
+    deferred = Deferred()
+
+    def decide(goal):
+        if goal == deferred.handles[1]:  # the first goal ends before the response is sent
+            deferred.handles[0].canceled(result(7))
+        return CancelResponse.ACCEPT
+
+    with action(handle_accepted_callback=deferred, cancel_callback=decide) as pair:
+        handle = pair.send(order(1))
+        pair.send(order(2))
+        arrived = []
+        answers = (handle.get_result_async(), "result"), (all_cancelled(pair.client), "cancel")
+        for future, name in answers:
+            future.add_done_callback(lambda _, name=name: arrived.append(name))
+        pair.world.spin_until(lambda: len(arrived) == 2)
+        assert arrived == ["cancel", "result"]
+        assert ended(answers[0][0].result()) == (GoalStatus.STATUS_CANCELED, [7])
+
+
+def all_cancelled(client):
+    """Cancel all goals; returns the future of the response."""
+    return client._cancel.call_async(client._messages.cancel_goal.Request())
+
+
 def test_a_cancel_callback_that_returns_something_else_is_explained(capsys):
     with action(handle_accepted_callback=later, cancel_callback=lambda goal: True) as pair:
         assert pair.cancel(pair.send(order(1))) == 0
