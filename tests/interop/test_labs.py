@@ -1,8 +1,9 @@
-"""The solutions of labs 1 and 3 run on the real rclpy.
+"""The solutions of labs 1, 3, 4 and 6 run on the real rclpy.
 
 Its environment has no example_interfaces. So test_msgs/srv/BasicTypes stands in for AddTwoInts:
-the import and the names of the fields are replaced, and nothing else. Lab 2's type would have to
-be built by ROS 2's own tools.
+the import and the names of the fields are replaced, and nothing else. Another type stands in for
+that of lab 4; lab 6 has only types of std_srvs. The types of labs 2 and 5 would have to be built
+by ROS 2's own tools.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from tests.labs.submissions import solution_of, submission
 
 PATIENCE = 120.0
 """Seconds for one program; a real ROS program may hang."""
-STAND_IN = {
+ADD_TWO_INTS = {
     r"from example_interfaces\.srv import AddTwoInts": (
         "from test_msgs.srv import BasicTypes as AddTwoInts"
     ),
@@ -30,6 +31,18 @@ STAND_IN = {
     r"\brequest\.b\b": "request.int32_value",
     r"\bresponse\.sum\b": "response.int64_value",
 }
+MOVE = {
+    r"from lab4_interfaces\.srv import Move": (
+        "from type_description_interfaces.srv import GetTypeDescription as Move"
+    ),
+    r"\btarget=target\b": "type_name=target",
+    r"\brequest\.target\b": "request.type_name",
+    r"\brequest_id=": "type_hash=",
+    r"\brequest\.request_id\b": "request.type_hash",
+    r"\bresponse\.success\b": "response.successful",
+    r"\bresponse\.message\b": "response.failure_reason",
+}
+STAND_INS = {1: ADD_TWO_INTS, 3: ADD_TWO_INTS, 4: MOVE, 6: {}}
 
 
 class Programs:
@@ -80,7 +93,7 @@ def programs_of(ros_python, tmp_path):
         submission(number, solution_of(number), tmp_path, Variant())
         for path in Path(tmp_path).glob("*.py"):
             text = path.read_text(encoding="utf-8")
-            for pattern, instead in STAND_IN.items():
+            for pattern, instead in STAND_INS[number].items():
                 text = re.sub(pattern, instead, text)
             path.write_text(text, encoding="utf-8")
         return Programs(ros_python, tmp_path)
@@ -112,3 +125,37 @@ def test_lab_3_calls_one_after_another_and_at_the_same_time(programs_of):
         assert "tick" in lines[:first]
         began = re.findall(r"begins (\d+)", interrupted(server))
     assert sorted(began) == ["1", "1", "2", "2", "3", "3"]
+
+
+def test_lab_4_repeats_a_lost_task_which_runs_once(programs_of):
+    programs = programs_of(4)
+    with programs.start("robot.py", "2") as robot:
+        assert "ready" in robot.stdout.readline()
+        lines = programs.output("client.py", "warehouse", "dock")
+        told = interrupted(robot)
+    answered = [line for line in lines if "the robot is at" in line]
+    assert answered == [f"{name}: the robot is at {name}" for name in ("warehouse", "dock")]
+    assert re.findall(r"I move to (\w+)", told) == ["warehouse", "dock"]
+    assert told.count("I know this request_id") == 2
+
+
+def test_lab_4_gives_up(programs_of):
+    programs = programs_of(4)
+    with programs.start("robot.py", "99") as robot:
+        assert "ready" in robot.stdout.readline()
+        lines = programs.output("client.py", "warehouse")
+        received = interrupted(robot).count("my response gets lost")
+    assert received in (3, 4)  # ROS loses a request for which it has not found the server yet
+    assert lines[-1] == "warehouse: no response"
+    assert len([line for line in lines if "[ERROR]" in line]) == 1
+
+
+def test_lab_6_corrected_programs_work_together(programs_of):
+    programs = programs_of(6)
+    with programs.start("robot.py") as robot, programs.start("planner.py") as planner:
+        assert "ready" in robot.stdout.readline()
+        assert "ready" in planner.stdout.readline()
+        assert programs.output("console.py") == [
+            "light: the light is on",
+            "mission: battery: 87 percent; scan: 3 objects",
+        ]

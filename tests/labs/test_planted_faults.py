@@ -7,11 +7,10 @@ import pytest
 import taskrpc.labs.catalogue
 from taskrpc.labs.catalogue import lab
 from taskrpc.labs.checks.planted import FAULTS, FILES, values_with
-from taskrpc.labs.grading import findings
-from taskrpc.labs.sandbox.child_trial import child_trial
 from taskrpc.labs.starter import filled
 from taskrpc.labs.variants import Variant
 from tests.labs.submissions import solution_of, submission
+from tests.labs.test_submissions import problems
 
 pytestmark = [pytest.mark.labs, pytest.mark.real_time]
 TEMPLATES = Path(taskrpc.labs.catalogue.__file__).parent / "files" / "lab6"
@@ -31,7 +30,6 @@ async def test_each_planted_fault_is_found(file, fault, tmp_path):
     robot = lab(6).values(Variant())["ROBOT"]
     template = (TEMPLATES / file).read_text(encoding="utf-8")
     (tmp_path / file).write_text(filled(template, values_with({file: fault}, robot)))
-    trial = lambda: child_trial(tmp_path, Variant())  # noqa: E731
-    found = [each async for each in findings(lab(6), trial)]
-    assert {each.check.title for each in found if each.problem} <= FINDS[file]
-    assert any(each.problem for each in found)
+    found = await problems(6, tmp_path, Variant())
+    assert found
+    assert {title for title, _ in found} <= FINDS[file]
