@@ -31,6 +31,7 @@ def _start(options: Namespace) -> Exit:
     paths = write_starter(chosen, Variant(options.variant), Path.cwd())
     print(f"Lab {chosen.number}: {chosen.title} (about {chosen.minutes} minutes)")
     print(chosen.goal)
-    print(f"Your files: {' '.join(path.name for path in paths)}")
-    print("Try next: open server.py, then run `taskrpc lab check`")
+    names = [path.relative_to(Path.cwd()).as_posix() for path in paths]
+    print(f"Your files: {' '.join(names)}")
+    print(f"Try next: open {names[0]}, then run `taskrpc lab check`")
     return Exit.DONE

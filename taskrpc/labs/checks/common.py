@@ -111,7 +111,9 @@ async def answer(client: Client[Any, Any], request: Any, what: str) -> Any:
         ) from None
     except taskrpc.HandlerFailed as error:
         raise NotMet(
-            expected, f"the callback failed: {error}", "run it and read the line"
+            expected,
+            f"the callback failed: {error}",
+            "the server prints the failed line: run it, and call it with these values",
         ) from None
     except taskrpc.TaskRpcError as error:
         raise NotMet(expected, f"the call failed: {error}", "does the server still run?") from None

@@ -86,10 +86,16 @@ async def _prints(trial: Trial) -> None:
         code = await client.finished(timeout=STARTED)
     finally:
         service.destroy()
+    if code is None and not requests:
+        raise NotMet(
+            "the client to send its request, because a server offers the service",
+            "it still runs, and sent no request",
+            "which loop does not end? wait_for_service returns True if there is a server",
+        )
     if code is None:
         raise NotMet(
             "the client to end after the response",
-            "it still runs; " + ("it sent the request" if requests else "it sent no request"),
+            "it sent the request, and still runs",
             "what lets rclpy run while the client waits? See spin_until_future_complete",
         )
     text = "\n".join(client.output)

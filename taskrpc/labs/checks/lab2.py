@@ -97,7 +97,13 @@ def _own_definition(trial: Trial) -> ServiceDef:
 
 
 async def _is_valid(trial: Trial) -> None:
-    _own_definition(trial)
+    own = _own_definition(trial)
+    if not own.request.fields and not own.response.fields:
+        raise NotMet(
+            f"{_path(trial.variant)} to be a definition with fields",
+            "it has none",
+            "write a line `type name` below the comment of each step",
+        )
 
 
 async def _has_fields(trial: Trial) -> None:
@@ -224,7 +230,7 @@ class TaskClient:
             raise NotMet(
                 f"the task {words} to be refused",
                 f"success is true, and message is {response.message!r}",
-                "which values may the callback accept? Check them before you count the task",
+                "check the values first, and return the response at once if one is not valid",
             )
         if wrong not in response.message:
             raise NotMet(
@@ -281,15 +287,10 @@ LAB = Lab(
     minutes=20,
     goal="You can define a service type, and write a server that refuses what is not valid.",
     files=(
+        "@PACKAGE@/srv/@TYPE@.srv",
         "server.py",
-        *(
-            f"@PACKAGE@/{name}"
-            for name in (
-                "srv/@TYPE@.srv",
-                "package.xml",
-                "CMakeLists.txt",
-            )
-        ),
+        "@PACKAGE@/package.xml",
+        "@PACKAGE@/CMakeLists.txt",
     ),
     values=_values,
     checks=(

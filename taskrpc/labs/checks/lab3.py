@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 from collections.abc import AsyncIterator, Mapping, Sequence
 from typing import Any
 
@@ -135,9 +136,11 @@ async def _first_request(trial: Trial, held: HeldService, file: str) -> Program:
     client = await trial.start(file)
     expected = f"{file} to send a request to /{_values(trial.variant)['SERVICE']}"
     if not await held.requests(trial, client, 1):
+        if await client.finished(timeout=0.0) == 0:
+            raise NotMet(expected, ended(client, 0), "which step of yours sends the requests?")
         await _running(client, expected)
         happened = f"there was none within {_HELD:g} s"
-        raise NotMet(expected, happened, "which step of yours sends it?")
+        raise NotMet(expected, happened, "which line before the call does not return?")
     return client
 
 
@@ -206,9 +209,10 @@ async def _one_after_another(trial: Trial) -> None:
                 )
         code = await client.finished(timeout=STARTED)
         if said := remark(client):
+            lines = [line for line in client.output if re.match(r"\w+Error: ", line)]
             raise NotMet(
                 "a second thread that spins while client.call waits",
-                said,
+                f"the thread failed with {lines[0]}" if lines else said,
                 "start the thread of step 1 before the first call",
             )
         if code != 0:

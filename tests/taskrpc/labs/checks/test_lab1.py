@@ -1,5 +1,7 @@
 """Lab 1's checks of a client, in memory; `tests/labs` runs whole submissions."""
 
+import asyncio
+
 import pytest
 
 import srvgen
@@ -54,6 +56,14 @@ async def test_client_that_never_sends_is_explained(tmp_path):
 
     with pytest.raises(NotMet, match="send one request to /add_two_ints; it ended with exit code"):
         await run_check("the client prints the response", tmp_path, sends_nothing)
+
+
+async def test_client_that_waits_although_there_is_a_server_is_explained(tmp_path):
+    async def waits_for_ever(program, a, b):
+        await asyncio.Event().wait()
+
+    with pytest.raises(NotMet, match=r"still runs, and sent no request; which loop does not end"):
+        await run_check("the client prints the response", tmp_path, waits_for_ever)
 
 
 async def test_client_that_waits_for_its_server_passes(tmp_path):

@@ -52,6 +52,7 @@ async def test_right_definition_passes_in_any_style(text, tmp_path):
     [
         ("int32 priority 5", "int priority 5", "line 3, column 1: .* got 'int'; `srvgen check"),
         ("---\n", "", "line 8, column .*expected one line ---"),
+        (RIGHT, "---\n", "a definition with fields; it has none"),
         ("float32 e", "float32 E", "line 9, column 9: expected the name of a field"),
     ],
 )

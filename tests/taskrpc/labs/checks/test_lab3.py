@@ -87,6 +87,15 @@ async def reads_too_early(program, call):
     raise SystemExit(1)
 
 
+async def sends_nothing(program, call):
+    program.output.append("the calls took 0.0 s")
+
+
+async def fails_in_its_thread(program, call):
+    program.output += ["TypeError: it is no tuple", "[taskrpc] ROS 2 would hang here for ever"]
+    await one_after_another(program, call)
+
+
 async def run_check(title, folder, action):
     file = "sync_client.py" if title == SYNC else "async_client.py"
     async with memory_trial(folder, {file: with_client(action)}) as trial:
@@ -106,6 +115,8 @@ async def test_right_client_passes(title, action, tmp_path):
     [
         (SYNC, together, "one request at a time, .* 3 at the same time"),
         (SYNC, adds_itself, "printed no such line"),
+        (SYNC, sends_nothing, "exit code 0 and wrote: .*; which step of yours sends"),
+        (SYNC, fails_in_its_thread, "the thread failed with TypeError: it is no tuple"),
         (TOGETHER, one_after_another, "3 requests before the first response; 1 came"),
         (TOGETHER, reports_a_deadlock, "Client.call in a callback; a callback must return soon"),
         (TOGETHER, reads_too_early, "a future has no result before it is complete"),
