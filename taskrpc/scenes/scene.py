@@ -51,10 +51,6 @@ class Excerpt:
         moved = textwrap.dedent("\n".join(texts[begin : end + 1])).split("\n")
         return [Line(at, text, at - 1 in marked) for at, text in enumerate(moved, begin + 1)]
 
-    def line(self, program: str) -> Line:
-        """Return the first marked line: the line of code of the scene."""
-        return next(line for line in self.lines(program) if line.is_marked)
-
 
 def _index(texts: list[str], part: str) -> int:
     found = [index for index, text in enumerate(texts) if part in text]

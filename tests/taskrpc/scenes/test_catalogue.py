@@ -31,8 +31,9 @@ def test_unknown_scene_is_named_with_the_known_ones():
 def test_excerpts_are_in_the_programs(each, cure):
     program = program_path(each, cure=cure).read_text(encoding="utf-8")
     ast.parse(program)
-    assert len(excerpt(each, cure=cure).lines(program)) <= 8
-    assert excerpt(each, cure=cure).line(program).is_marked
+    lines = excerpt(each, cure=cure).lines(program)
+    assert len(lines) <= 8
+    assert any(line.is_marked for line in lines)
 
 
 @EACH

@@ -21,10 +21,6 @@ def test_excerpt_is_moved_to_the_left():
     assert [line.text for line in lines] == ["for x in y:", "    more()"]
 
 
-def test_line_is_the_first_marked_one():
-    assert Excerpt("begin", "end", ("end", "call")).line(PROGRAM).number == 3
-
-
 @pytest.mark.parametrize(("part", "count"), [("again", 2), ("nowhere", 0)])
 def test_text_must_be_in_one_line(part, count):
     with pytest.raises(ValueError, match=f"expected one line with '{part}', found {count}"):
