@@ -31,7 +31,7 @@ SCENES: tuple[Scene, ...] = (
         problem=Excerpt("future = client", "a moment later", ("the call failed",)),
         cured=Excerpt("future = client", "accepted task", ("timeout_sec=5.0",)),
         robot=True,
-        faults=("delay-response:2.5s,first=1",),
+        faults=("delay-response:2s,first=1",),
     ),
     Scene(
         name="retry-without-id",
