@@ -40,10 +40,10 @@ class Client:
 
 
 @contextlib.asynccontextmanager
-async def connected(count=1):
-    """A node of a program, and clients of one bridge."""
-    bridge_node = taskrpc.Node("rosbridge", transport="memory")
-    async with taskrpc.Node("program", transport="memory") as node, bridge_node:
+async def connected(count=1, program=(), gateway=()):
+    """A node of a program, and clients of one bridge; the options are those of the two nodes."""
+    bridge_node = taskrpc.Node("rosbridge", transport="memory", **dict(gateway))
+    async with taskrpc.Node("program", transport="memory", **dict(program)) as node, bridge_node:
         bridge = Bridge(bridge_node)
         clients = [Client(bridge) for _ in range(count)]
         try:

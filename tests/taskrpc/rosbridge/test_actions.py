@@ -222,6 +222,31 @@ async def test_a_few_unused_clients_of_actions_are_kept(monkeypatch):
         assert [name for name, _ in kept] == ["/a2", "/a3"]
 
 
+@pytest.mark.parametrize("role", [taskrpc.Role.OBSERVE, taskrpc.Role.SUBMIT])
+async def test_a_client_has_the_role_of_the_gateways_account(role):
+    account = taskrpc.Account("gateway", "s" * 20, role)
+    accounts = taskrpc.Accounts([account])
+    program = {"listen": "program", "accounts": accounts}
+    gateway = {"peers": ["program"], "token": account.token}
+    async with connected(program=program, gateway=gateway) as (node, client):
+        executed = []
+        node.create_action_server(
+            Fibonacci, "fibonacci", lambda goal: executed.append(goal) or result(1)
+        )
+        await send(client)
+        status, values, is_result = await ended(client)
+        if role is taskrpc.Role.SUBMIT:
+            assert (status, is_result, len(executed)) == (SUCCEEDED, True, 1)
+            return
+        assert (status, is_result, executed) == (0, False, [])
+        assert values == (
+            "PermissionDenied: /fibonacci/_action/send_goal needs the role submit; the account"
+            " gateway has observe"
+        )
+        await client.send("cancel_action_goal", id="g", action="fibonacci")
+        assert "no goal with the id 'g' waits" in (await client.next(op="status"))["msg"]
+
+
 # Actions that a client offers
 
 
