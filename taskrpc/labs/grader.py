@@ -109,7 +109,11 @@ async def grade_all(
     async def one(source: Path) -> Graded:
         async with free:
             name = source.stem if source.suffix.lower() == ".zip" else source.name
-            return await grade(request(source), name)
+            try:
+                return await grade(request(source), name)
+            except OSError as error:
+                reason = f"cannot be graded: {error.strerror or error}"
+                return Graded(name, None, (), 0.0, reason, 0.0)
 
     tasks = [asyncio.ensure_future(one(source)) for source in sources]
     try:

@@ -346,6 +346,7 @@ LAB = Lab(
     goal="You can write a client that survives lost responses and runs no task twice.",
     files=("client.py", "robot.py", _FILE),
     values=_values,
+    speed=8.0,  # its programs wait for seconds
     checks=(
         Check(_FIRST, 2, _prints),
         Check(_SECOND, 2, _repeats, needs=(_FIRST,)),

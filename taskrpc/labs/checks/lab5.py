@@ -354,6 +354,7 @@ LAB = Lab(
     goal="You can write a server that accepts work at once and does it in order of importance.",
     files=("server.py",),
     values=_values,
+    speed=8.0,  # its programs wait for seconds
     checks=(
         Check(_OFFERS, 2.5, _accepts),
         Check("a wrong task is refused and uses no id", 2, _refuses, needs=(_OFFERS,)),

@@ -40,7 +40,7 @@ _CHECK_LIMIT = 30.0
 _BUSY = 0.05
 """Real seconds that a timer of this process may be late before time passes too fast."""
 _BEAT = 0.02
-_SLOWER = 3.0
+_SLOWER = 2.0
 _LONGEST = 2000
 """Most characters of a message."""
 _LONGEST_ID = 200

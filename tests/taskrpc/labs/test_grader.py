@@ -1,0 +1,155 @@
+"""Processes that grade a submission: how they end, and what they cannot see."""
+
+import asyncio
+import os
+import signal
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from taskrpc import TaskRpcError
+from taskrpc.labs import grader
+from taskrpc.labs.report import About, Graded, Result
+from taskrpc.labs.sandbox.worker import Request
+from taskrpc.labs.starter import write_starter
+from taskrpc.labs.variants import Variant
+
+labs = [pytest.mark.labs, pytest.mark.real_time]
+
+
+def graded(request, student):
+    return Graded(student, About(1, ""), (Result("adds", 1, True),), 1, "", 0.1)
+
+
+@pytest.fixture
+def in_memory(monkeypatch):
+    """Grade without processes; returns how many were graded at the same time at most."""
+    counts = [0, 0]
+
+    async def grade(request, student, on_result=lambda _: None):
+        counts[0] += 1
+        counts[1] = max(counts)
+        await asyncio.sleep(1)
+        counts[0] -= 1
+        return graded(request, student)
+
+    monkeypatch.setattr(grader, "grade", grade)
+    return counts
+
+
+async def test_as_many_submissions_as_jobs_are_graded_at_the_same_time(in_memory):
+    sources = [Path(f"{number}.zip") for number in range(5)]
+    found = [
+        each.student
+        async for each in grader.grade_all(sources, lambda source: Request(str(source)), 2)
+    ]
+    assert sorted(found) == ["0", "1", "2", "3", "4"]
+    assert in_memory[1] == 2
+
+
+async def test_a_failure_of_the_grader_is_not_that_of_the_others(in_memory, monkeypatch):
+    async def grade(request, student, on_result=lambda _: None):
+        if student == "1":
+            raise OSError("no memory for a process")
+        return graded(request, student)
+
+    monkeypatch.setattr(grader, "grade", grade)
+    sources = [Path(f"{number}.zip") for number in range(3)]
+    found = {
+        each.student: each.stopped
+        async for each in grader.grade_all(sources, lambda source: Request(str(source)), 2)
+    }
+    assert found == {"0": "", "1": "cannot be graded: no memory for a process", "2": ""}
+
+
+def test_submissions_are_folders_and_zip_files(tmp_path):
+    for name in ("bob", ".git"):
+        (tmp_path / name).mkdir()
+    for name in ("ada.zip", "list.csv"):
+        (tmp_path / name).touch()
+    assert [each.name for each in grader.submissions(tmp_path)] == ["ada.zip", "bob"]
+
+
+def test_a_folder_without_submissions_is_named(tmp_path):
+    with pytest.raises(TaskRpcError, match=r"--all: expected a folder or \.zip file for each"):
+        grader.submissions(tmp_path)
+    with pytest.raises(TaskRpcError, match="--all: expected a folder with the submissions"):
+        grader.submissions(tmp_path / "none")
+
+
+def lab_1(folder, **files):
+    write_starter(grader.catalogue.lab(1), Variant(), folder)
+    for name, text in files.items():
+        (folder / f"{name}.py").write_text(text)
+    return folder
+
+
+class TestProcesses:
+    pytestmark = labs
+
+    @pytest.mark.skipif(sys.platform == "win32", reason="uses signals")
+    @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+    async def test_nothing_is_left_when_the_command_is_ended(self, number, tmp_path):
+        lab_1(tmp_path, server="open('started', 'w')\nimport time\ntime.sleep(1e6)")
+        place = Path(tempfile.mkdtemp(dir="/tmp"))
+        command = await asyncio.create_subprocess_exec(
+            *(sys.executable, "-m", "taskrpc", "lab", "check"),
+            cwd=tmp_path,
+            env={**os.environ, "TMPDIR": str(place)},
+            stderr=asyncio.subprocess.PIPE,
+        )
+        while not list(place.glob("*/*/submission/started")):
+            await asyncio.sleep(0.01)
+        command.send_signal(number)
+        _, errors = await command.communicate()
+        assert command.returncode == (130 if number == signal.SIGINT else -number)
+        assert errors == b""
+        while list(place.iterdir()):  # the fork server removes it, after the programs' end
+            await asyncio.sleep(0.01)
+        place.rmdir()
+
+    async def test_a_program_cannot_read_the_hidden_checks(self, tmp_path):
+        hidden = tmp_path / "lecturer" / "lab1" / "hidden.py"
+        hidden.parent.mkdir(parents=True)
+        hidden.write_text(
+            "from taskrpc.labs.lab import Check, NotMet\n"
+            "async def run(trial):\n"
+            "    program = await trial.start('server.py')\n"
+            "    await program.finished(20)\n"
+            "    raise NotMet('', ' '.join(program.output), '')\n"
+            "CHECKS = (Check('hidden', 2, run),)\n"
+        )
+        source = lab_1(tmp_path / "ada", server=f"print(open({str(hidden)!r}).read())")
+        found = await grader.grade(Request(str(source), hidden=str(tmp_path / "lecturer")), "ada")
+        last = found.results[-1]
+        assert (last.title, last.hidden, found.most) == ("hidden", True, 12)
+        assert "PermissionError: a program under check may not read" in last.happened
+
+    @pytest.mark.parametrize(
+        ("request_of", "words"),
+        [
+            ({"lab": 4}, "expected lab 4, but this folder contains lab 1"),
+            ({"source": "nowhere"}, "expected a folder or a .zip file with a submission"),
+        ],
+    )
+    async def test_what_cannot_be_checked_is_told(self, request_of, words, tmp_path):
+        request = Request(**{"source": str(lab_1(tmp_path)), **request_of})
+        found = await grader.grade(request, "ada")
+        assert words in found.stopped
+        assert found.results == ()
+
+    async def test_a_folder_without_a_record_needs_the_number(self, tmp_path):
+        (tmp_path / "server.py").write_text("")
+        found = await grader.grade(Request(str(tmp_path)), "ada")
+        assert "it has no taskrpc-lab.json" in found.stopped
+        found = await grader.grade(Request(str(tmp_path), lab=1), "ada")
+        assert found.about == About(1, "", found.about.digest)
+        assert found.results[0].happened.startswith("it ended with exit code 0")
+
+    async def test_a_damaged_record_is_told_without_our_paths(self, tmp_path):
+        lab_1(tmp_path)
+        (tmp_path / "taskrpc-lab.json").write_bytes(b"\xff{")
+        found = await grader.grade(Request(str(tmp_path)), "ada")
+        assert found.stopped.startswith("taskrpc-lab.json is damaged")
