@@ -52,7 +52,7 @@ async def service_of(
     raise NotMet(
         expected,
         f"it runs, but offered no service within {STARTED:g} s",
-        "does main() create the node and call rclpy.spin(node)?",
+        "does the node create its service, and does main() call rclpy.spin(node)?",
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 from collections.abc import AsyncIterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -305,11 +306,19 @@ def expect_one_line(program: Program, code: int, target: str, retry: Retry) -> N
             "what does the function return if there is no response?",
         )
     lines = [line for line in program.output if "[ERROR]" in line]
-    if len(lines) != 1 or target not in lines[0] or str(retry.attempts) not in lines[0]:
+    # Without the time before it, which has digits of its own.
+    texts = [line.rpartition("]: ")[2] for line in lines]
+    if len(texts) != 1:
         raise NotMet(
             f"one error line with the target {target} and the number {retry.attempts}",
-            f"{len(lines)} error lines" + (f", the last is: {lines[-1]}" if lines else ""),
-            "self.get_logger().error(...) after the loop; an attempt gets a warning",
+            f"there were {len(texts)}: {' / '.join(texts)}" if texts else "there was none",
+            "self.get_logger().error(...) after the loop; an attempt logs a warning",
+        )
+    if target not in texts[0] or not re.search(rf"\b{retry.attempts}\b", texts[0]):
+        raise NotMet(
+            f"an error line with the target {target} and the number {retry.attempts}",
+            f"the line is: {texts[0]}",
+            "a reader of the log wants to know what failed, and how often it was tried",
         )
 
 

@@ -207,7 +207,7 @@ async def _refuses(trial: Trial) -> None:
             raise NotMet(
                 f"success=False for {words}",
                 f"success=True, task_id={response.task_id}",
-                "does the check of the request come before all else?",
+                "which values are allowed? See the comment at 3",
             )
         if (response.task_id, response.estimated_time) != (-1, 0.0):
             raise NotMet(

@@ -53,9 +53,10 @@ def test_a_task_that_runs_twice_or_never_is_explained(requests, runs, message):
 @pytest.mark.parametrize(
     ("output", "message"),
     [
-        (["all failed"], "0 error lines"),
-        (["[ERROR] dock: no response after 3 attempts"], "1 error lines"),
-        (["[ERROR] dock 4", "[ERROR] dock 4"], "2 error lines"),
+        (["all failed"], "there was none"),
+        (["[ERROR] [1.4] [client]: dock: 3 attempts"], "the line is: dock: 3 attempts"),
+        (["[ERROR] [1.4] [client]: failed 4 times"], "the line is: failed 4 times"),
+        (["[ERROR] [4]: dock 4", "[ERROR] [5]: dock 4"], "there were 2: dock 4 / dock 4"),
         (["Traceback (most recent call last):", "TypeError: None"], "a traceback"),
     ],
 )
