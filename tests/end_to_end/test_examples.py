@@ -252,9 +252,11 @@ def plain(text):
 
 
 def agree(printed, shown):
-    """Whether a program printed what the README shows."""
+    """Whether a program printed what the README shows; `…` stands for any part of a line."""
     lines = plain(shown).splitlines(keepends=True)
-    pattern = "".join(r"(?:.*\n)*?" if line == "...\n" else re.escape(line) for line in lines)
+    pattern = "".join(
+        r"(?:.*\n)*?" if line == "...\n" else re.escape(line).replace("…", ".*") for line in lines
+    )
     return re.fullmatch(pattern, plain(printed)) is not None
 
 
