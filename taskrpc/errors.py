@@ -249,6 +249,10 @@ class NameInUse(TaskRpcError):
 
     not_executed = True
 
+    def without_join(self) -> NameInUse:
+        """The error without the advice to join: for actions, and for services of rclpy."""
+        return NameInUse(str(self).partition(", or join it")[0])
+
 
 class CannotListen(TaskRpcError):
     """The address to listen at is taken, wrong, or not allowed without more protection."""

@@ -1,4 +1,4 @@
-"""Sends a goal: python client.py [ORDER [NUMBERS]]; after so many numbers it cancels the goal."""
+"""Sends a goal: python client.py [ORDER [NUMBERS]]; cancels it after NUMBERS numbers, 3 or more."""
 
 import sys
 

@@ -25,7 +25,14 @@ from taskrpc.actions.server_goal import AcceptCancel, AcceptGoal, Execute, Serve
 from taskrpc.actions.states import GoalEvent, GoalState
 from taskrpc.callinfo import current_call
 from taskrpc.deferred import DeferredCall, DeferredService
-from taskrpc.errors import Code, HandlerError, HandlerFailed, InvalidRequest, TaskRpcError
+from taskrpc.errors import (
+    Code,
+    HandlerError,
+    HandlerFailed,
+    InvalidRequest,
+    NameInUse,
+    TaskRpcError,
+)
 from taskrpc.exactly_once.stores import MemoryCompletions
 from taskrpc.execution.callbacks import (
     HOLDS_LOOP_AFTER,
@@ -179,9 +186,11 @@ class ActionServer:
             )
             self._feedback = node.create_publisher(messages.feedback, parts.feedback, FEEDBACK_QOS)
             self._status = node.create_publisher(messages.status, parts.status, STATUS_QOS)
-        except BaseException:
+        except BaseException as error:
             for service in self.services:
                 service.destroy()
+            if isinstance(error, NameInUse):
+                raise error.without_join() from None
             raise
 
     def status(self) -> ServiceStatus:

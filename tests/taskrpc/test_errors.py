@@ -158,3 +158,10 @@ def test_a_code_prints_its_name():
 def test_code_prints_its_number_where_the_format_asks_for_one():
     code = errors.Code.NOT_FOUND
     assert (f"{code:d}", f"{code:02x}", f"{code:<10s}|") == ("5", "05", "NOT_FOUND |")
+
+
+def test_error_about_a_name_in_use_can_leave_out_the_advice_to_join():
+    end = "/x is already offered by a.py; end it with `taskrpc stop 4711`"
+    error = errors.NameInUse(f"{end}, or join it with --join (join=True)")
+    assert str(error.without_join()) == end
+    assert str(error.without_join().without_join()) == end

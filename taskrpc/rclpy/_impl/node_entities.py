@@ -147,7 +147,7 @@ class NodeEntities:
         except NameInUse as error:
             # A user who started a program twice needs only this error. `from None` leaves out the
             # traceback inside taskrpc. rclpy cannot join a service, so the advice to join is cut.
-            raise NameInUse(str(error).partition(", or join it")[0]) from None
+            raise error.without_join() from None
         service.srv_name = srv_name
         check_service_profiles(service, is_server=True)
         return self._added(self.services, service, group)

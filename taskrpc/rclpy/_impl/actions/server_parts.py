@@ -70,7 +70,7 @@ class ServerParts:
             self.destroy()
             if isinstance(error, NameInUse):
                 # As for a service: the user needs only this error, and rclpy cannot join.
-                raise NameInUse(str(error).partition(", or join it")[0]) from None
+                raise error.without_join() from None
             raise
         self.services = self.goals, self.cancels, self.results
 
