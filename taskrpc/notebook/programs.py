@@ -11,6 +11,7 @@ import sys
 import threading
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 _END = 3.0
 """Seconds that a program has to end after Ctrl-C."""
@@ -32,6 +33,17 @@ sys.exit(main())
 """
 """Runs the command; its standard input ends with the kernel, however that ends."""
 
+# The kernel's interrupt also goes to the kernel's group, so that programs get one of their own.
+if sys.platform == "win32":
+    # A thread that waits for the input can block the start of other programs there.
+    _COMMAND = ["-m", "taskrpc"]
+    _INTERRUPT = signal.CTRL_BREAK_EVENT
+    _OWN_GROUP: dict[str, Any] = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+else:
+    _COMMAND = ["-c", _ENDS_WITH_THE_NOTEBOOK]
+    _INTERRUPT = signal.SIGINT
+    _OWN_GROUP: dict[str, Any] = {"start_new_session": True}
+
 
 class Program:
     """A command of taskrpc in a process, whose output appears below the cell that starts it.
@@ -42,10 +54,8 @@ class Program:
     """
 
     def __init__(self, arguments: Sequence[str], folder: Path) -> None:
-        command = [sys.executable, "-u", "-c", _ENDS_WITH_THE_NOTEBOOK, *arguments]
-        # A group of its own: the kernel's interrupt also goes to the kernel's group.
         self._process = subprocess.Popen(
-            command,
+            [sys.executable, "-u", *_COMMAND, *arguments],
             cwd=folder,
             env={**os.environ, "PYTHONIOENCODING": "utf-8", "NO_COLOR": "1"},
             stdin=subprocess.PIPE,
@@ -53,7 +63,7 @@ class Program:
             stderr=subprocess.STDOUT,
             encoding="utf-8",
             errors="replace",
-            start_new_session=True,
+            **_OWN_GROUP,
         )
         atexit.register(self.stop)
 
@@ -78,10 +88,9 @@ class Program:
         """End it as Ctrl-C does, or at once if it does not react."""
         atexit.unregister(self.stop)
         if self.is_running:
-            if sys.platform != "win32":
-                self._process.send_signal(signal.SIGINT)
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    self._process.wait(_END)
+            with contextlib.suppress(subprocess.TimeoutExpired, OSError):
+                self._process.send_signal(_INTERRUPT)
+                self._process.wait(_END)
             self._process.kill()
         self._process.wait()
         if self._process.stdin is not None:
