@@ -94,9 +94,10 @@ def run(file: str, *arguments: object) -> None:
 
 
 def start(file: str, *arguments: object) -> None:
-    """Start a file of the lab as a program of its own; its output appears below this cell.
+    """Start a file of the lab as a program of its own, in the background.
 
-    The program runs until `stop(file)`, until it is started again, or until the kernel ends.
+    What it prints appears below the cell that runs at that moment. It runs until `stop(file)`,
+    until it is started again, or until the kernel ends.
     """
     session().begun_lab().start(file, [str(each) for each in arguments])
 

@@ -46,7 +46,7 @@ else:
 
 
 class Program:
-    """A command of taskrpc in a process, whose output appears below the cell that starts it.
+    """A command of taskrpc in a process, whose output appears in the notebook.
 
     Args:
         arguments: those of the command, such as `run server.py`.
