@@ -34,7 +34,9 @@ MODULES = (
     "taskrpc.fleet",
     "taskrpc.logs",
     "taskrpc.metrics",
+    "taskrpc.notebook",
     "taskrpc.otel",
+    "taskrpc.web",
     "srvgen",
 )
 """Modules of which the site shows the docstrings."""
