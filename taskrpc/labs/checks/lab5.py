@@ -161,6 +161,7 @@ async def _accepts(trial: Trial) -> None:
     if first.id != 1:
         raise NotMet("task_id=1 for the first task", f"task_id={first.id}", "see the comment at 4")
     await desk.executing(1)
+    began = desk.time()
     second = await _at_once(desk, desk.shortest)
     if second.id != 2:
         raise NotMet("task_id=2 for the second one", f"task_id={second.id}", "see the comment at 4")
@@ -170,6 +171,13 @@ async def _accepts(trial: Trial) -> None:
             "the server to do one task after another",
             "it began task 2 before it had completed task 1",
             "how many threads run self.work?",
+        )
+    duration, longest = desk.time() - began, desk.work.seconds[desk.longest]
+    if duration < longest / 2:
+        raise NotMet(
+            f"task 1 to take {longest:g} s",
+            f"task 2 began {duration:.1f} s after task 1",
+            "self.execute does one task; it was complete in the starter file",
         )
 
 
@@ -292,7 +300,7 @@ async def _estimates(trial: Trial) -> None:
 def expect_estimates(
     seconds: Mapping[str, float], sent: float, first: Accepted, tasks: Sequence[Accepted]
 ) -> None:
-    """Raise NotMet if an estimate is shorter than the work ahead of a task and its own.
+    """Raise NotMet if an estimate is shorter than the work ahead, or longer than all work.
 
     Args:
         seconds: how long a task of each type takes.
@@ -308,6 +316,13 @@ def expect_estimates(
         words = f"{rest:.1f} s of the running task, {waiting:g} s of waiting ones ahead of it"
         own = seconds[task.type]
         _expect_at_least(task, rest + waiting + own, f"{words}, {own:g} s of its own")
+        most = seconds[first.type] + sum(seconds[one.type] for one in tasks[: number + 1])
+        if task.estimate > most + _SLACK:
+            raise NotMet(
+                f"an estimate of at most {most:g} s for task {task.id}: all tasks take no longer",
+                f"estimated_time={task.estimate:.1f}",
+                "which tasks have to be done before this one? See the comment at 6",
+            )
 
 
 def _expect_at_least(task: Accepted, least: float, words: str) -> None:

@@ -33,6 +33,12 @@ def robot(requests, runs):
     return SimpleNamespace(requests=sent, runs=runs)
 
 
+def test_an_id_made_of_the_target_is_refused():
+    sent = [("a", "a"), ("b", "b"), ("a", "a")]
+    with pytest.raises(NotMet, match="ran a 1 time: two tasks had the same request_id"):
+        expect_one_run(robot(sent, ["a", "b"]), ["a", "b", "a"])
+
+
 def test_one_id_for_each_task_is_accepted():
     expect_one_run(robot([("a", "1"), ("a", "1"), ("b", "2")], ["a", "b"]), ["a", "b"])
 
@@ -40,9 +46,17 @@ def test_one_id_for_each_task_is_accepted():
 @pytest.mark.parametrize(
     ("requests", "runs", "message"),
     [
-        ([("a", ""), ("a", "")], ["a", "a"], "ran 2 times.*the requests had no request_id"),
-        ([("a", "1"), ("a", "2")], ["a", "a"], "ran 2 times.*each attempt had another request_id"),
-        ([("a", "1"), ("b", "1")], ["a"], "did not run b: both tasks had the same request_id"),
+        (
+            [("a", ""), ("a", "")],
+            ["a", "a"],
+            "ran 2 times for 1 task.*requests had no request_id",
+        ),
+        (
+            [("a", "1"), ("a", "2")],
+            ["a", "a"],
+            "ran 2 times for 1 task.*another request_id",
+        ),
+        ([("a", "1"), ("b", "1")], ["a"], "ran b 0 times: two tasks had the same request_id"),
     ],
 )
 def test_a_task_that_runs_twice_or_never_is_explained(requests, runs, message):

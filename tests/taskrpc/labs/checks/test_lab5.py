@@ -52,6 +52,7 @@ def test_an_estimate_may_count_the_running_task_in_full_or_its_rest(estimates):
     ("estimates", "message"),
     [
         ((3.0, 1.0), r"at least 6\.0 s for task 2: 3\.0 s of the running task, 0 s of waiting"),
+        ((8.0, 99.0), r"at most 9 s for task 3: all tasks take no longer; estimated_time=99"),
         ((8.0, 6.0), r"at least 7\.0 s for task 3: .*3 s of waiting ones ahead of it, 1 s of its"),
     ],
 )

@@ -1,4 +1,4 @@
-# The check says: both tasks had the same request_id
+# The check says: two tasks had the same request_id
 import sys
 import time
 import uuid
