@@ -54,7 +54,10 @@ PROGRAMS = "tests/rclpy/programs"
 """Whole ROS programs, which belong to no module."""
 CONTRACT = "tests/taskrpc/transport/contract"
 """What every transport must do, whichever modules do it."""
-STARTERS = ROOT / "taskrpc" / "labs" / "files"
+STARTERS = {
+    ROOT / "taskrpc" / "labs" / "files",
+    ROOT / "taskrpc" / "browser_lab" / "async_files",
+}
 """Templates of students' programs, with placeholders; they need not be valid Python."""
 LARGE_MODULE = 150
 """Lines from which a module has a test file of its own."""
@@ -65,7 +68,7 @@ def source_files(*folders: str) -> list[Path]:
         path
         for folder in folders
         for path in sorted((ROOT / folder).rglob("*.py"))
-        if "__pycache__" not in path.parts and STARTERS not in path.parents
+        if "__pycache__" not in path.parts and STARTERS.isdisjoint(path.parents)
     ]
 
 

@@ -10,7 +10,7 @@ import msgspec
 
 from taskrpc.labs.catalogue import LABS
 from taskrpc.labs.lab import Lab
-from taskrpc.labs.starter import starter_files
+from taskrpc.labs.starter import filled, starter_files
 from taskrpc.labs.variants import Variant
 
 LAST_LAB = 3
@@ -41,6 +41,29 @@ _SHEETS = {
         ),
         arguments={"client.py": "2 3"},
     ),
+    2: Sheet(
+        steps=(
+            "Read the `.srv` file and `server.py`. Predict: what is the type of each field?",
+            "Write the definition: the steps 1 to 8 in the `.srv` file. Press Check: its first two"
+            " checks need no server.",
+            "Fill in the steps in `server.py`, and press Run.",
+            "Explain to your neighbour: which wrong values does the type refuse, and which ones"
+            " only your callback?",
+            "Press Check.",
+        ),
+    ),
+    3: Sheet(
+        steps=(
+            "Read `slow_server.py`. Predict: how long do three calls take, one after another, and"
+            " all at the same time?",
+            "Fill in the steps in `sync_client.py`. Start `slow_server.py`, then this client with"
+            " its own button, and compare.",
+            "Fill in the steps in `async_client.py`, start it, and compare: when does the timer"
+            " tick?",
+            "Explain to your neighbour: which line of each client waits, and what runs meanwhile?",
+            "Press Check.",
+        ),
+    ),
 }
 
 _PLAIN = Sheet(
@@ -68,17 +91,22 @@ def _exercise(lab: Lab, variant: str) -> dict[str, Any]:
         "steps": sheet.steps,
         "variant": variant,
         "files": _files(starter_files(lab, Variant(variant)), sheet),
-        "async_files": _files(_async_files(lab.number), sheet),
+        "async_files": _files(_async_files(lab, Variant(variant)), sheet),
     }
 
 
-def _async_files(number: int) -> dict[str, str]:
-    folder = resources.files("taskrpc.browser_lab") / "async_files" / f"lab{number}"
-    if not folder.is_dir():
-        return {}
-    # pip adds a folder __pycache__. In reverse order the server is first.
-    names = sorted((file.name for file in folder.iterdir() if file.is_file()), reverse=True)
-    return {name: (folder / name).read_text(encoding="utf-8") for name in names}
+def _async_files(lab: Lab, variant: Variant) -> dict[str, str]:
+    """Return the asynchronous programs of a lab, with its other files; none if it has none."""
+    folder = resources.files("taskrpc.browser_lab") / "async_files" / f"lab{lab.number}"
+    values = lab.values(variant)
+    texts = {}
+    for name, text in starter_files(lab, variant).items():
+        program = folder / name
+        if program.is_file():
+            texts[name] = filled(program.read_text(encoding="utf-8"), values)
+        elif not name.endswith(".py"):
+            texts[name] = text
+    return texts if any(name.endswith(".py") for name in texts) else {}
 
 
 def _files(texts: Mapping[str, str], sheet: Sheet) -> list[dict[str, Any]]:

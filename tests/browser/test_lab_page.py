@@ -10,8 +10,12 @@ import pytest
 from taskrpc.browser_lab.downloads import runtime
 from taskrpc.browser_lab.server import LabServer
 from taskrpc.browser_lab.site import site_files, write_site
+from taskrpc.labs.catalogue import lab
+from taskrpc.labs.starter import filled
+from taskrpc.labs.variants import Variant
 from tests.browser.chromium import PATIENCE, Tabs, chromium
 from tests.javascript.pyodide import archives
+from tests.labs.submissions import solution_of
 
 SOLUTION = Path(__file__).parents[2] / "examples" / "labs" / "lab1" / "solution"
 LONG = 120
@@ -129,6 +133,19 @@ def test_server_and_client_of_lab_1_run_together_and_pass_the_check(page):
     page.tab.click("#stop")
     page.waits_for_line("server", "ended")
     assert page.check()[-1] == "All 5 checks passed."
+
+
+@pytest.mark.parametrize("number", [2, 3])
+def test_solutions_of_the_other_labs_pass_the_check(tabs, lab_server, number):
+    page = LabPage(tabs.open(f"{lab_server.url}?lab={number}"))
+    source, values = solution_of(number), lab(number).values(Variant())
+    for path in (each for each in sorted(source.rglob("*")) if each.is_file()):
+        name = filled(path.relative_to(source).as_posix(), values)
+        page.write(name, filled(path.read_text(encoding="utf-8"), values))
+    try:
+        assert page.check()[-1] == f"All {len(lab(number).checks)} checks passed."
+    finally:
+        page.tab.run("localStorage.clear()")
 
 
 def test_a_wrong_program_gets_a_message_that_says_what_was_expected(page):

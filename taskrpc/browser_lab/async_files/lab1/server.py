@@ -15,7 +15,7 @@ async def add(request, response):
 
 async def main():
     async with taskrpc.Node("add_server") as node:
-        # 4. Create the service "add_two_ints" with node.create_service(type, name, callback).
+        # 4. Create the service "@SERVICE@" with node.create_service(type, name, callback).
         # 5. Let the node run: await node.spin()
         pass
 
