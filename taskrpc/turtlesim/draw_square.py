@@ -10,9 +10,9 @@ from geometry_msgs.msg import Twist
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from std_srvs.srv import Empty
-from turtlesim.msg import Pose
 
 from taskrpc.turtlesim.square import SquareDriver, is_moving
+from taskrpc.turtlesim.types import Pose
 from taskrpc.turtlesim.world import STEP
 
 

@@ -12,7 +12,8 @@ import rclpy
 from geometry_msgs.msg import Twist
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
-from turtlesim.msg import Pose
+
+from taskrpc.turtlesim.types import Pose
 
 
 class Mimic(Node):

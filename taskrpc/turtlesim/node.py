@@ -22,14 +22,21 @@ from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 from std_srvs.srv import Empty
-from turtlesim.action import RotateAbsolute
-from turtlesim.msg import Color, Pose
-from turtlesim.srv import Kill, SetPen, Spawn, TeleportAbsolute, TeleportRelative
 
 from taskrpc.errors import NameInUse, TaskRpcError
 from taskrpc.turtlesim.canvas import Color as Rgb
 from taskrpc.turtlesim.drawing import views
 from taskrpc.turtlesim.teleop import TeleopTurtle
+from taskrpc.turtlesim.types import (
+    Color,
+    Kill,
+    Pose,
+    RotateAbsolute,
+    SetPen,
+    Spawn,
+    TeleportAbsolute,
+    TeleportRelative,
+)
 from taskrpc.turtlesim.world import CENTRE, STEP, Moved, Rotation, Turtle, World
 
 _BACKGROUND = {"r": ("Red", 69), "g": ("Green", 86), "b": ("Blue", 255)}

@@ -13,10 +13,10 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.action import ActionClient
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from turtlesim.action import RotateAbsolute
 
 from taskrpc.turtlesim.keyboard import keys
 from taskrpc.turtlesim.keys import CANCEL, DIRECTIONS, HEADINGS, QUIT
+from taskrpc.turtlesim.types import RotateAbsolute
 
 _HELP = """\
 Reading from keyboard
