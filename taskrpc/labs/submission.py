@@ -1,4 +1,4 @@
-"""Takes a submission: copies a folder or a ZIP file that somebody else has made, with limits.
+"""Takes a submission: copies a folder or a ZIP file of another person, with limits.
 
 Links, devices and names that lead out of the folder are left out. What is too large, or has too
 many files, is refused.
