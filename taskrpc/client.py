@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextvars import ContextVar
 from enum import Enum
 from typing import TYPE_CHECKING, Any, Final, Generic
@@ -46,7 +46,8 @@ class Client(Generic[RequestT, ResponseT]):
     """Calls one service; made by `Node.create_client`.
 
     `timeout` (seconds, None for no deadline) and `retry` are the defaults of its calls. `destroy`
-    calls `forget`. If no server offers the service, the client calls the service `otherwise`.
+    calls `forget`. If no server offers the service, the client calls the first of `otherwise`
+    that a server offers.
     """
 
     def __init__(
@@ -59,7 +60,7 @@ class Client(Generic[RequestT, ResponseT]):
         timeout: float | None = DEFAULT_TIMEOUT,
         retry: RetryPolicy | None = None,
         forget: Callable[[Client[Any, Any]], object] = lambda _: None,
-        otherwise: str = "",
+        otherwise: Sequence[str] = (),
     ) -> None:
         self.srv_type = srv_type
         self.service_name = name

@@ -74,6 +74,12 @@ def expand(name: str, *, namespace: str = "/", node: str = "", kind: str = "serv
     return expanded
 
 
+def relative(name: str, *, namespace: str) -> str:
+    """Return an absolute name relative to a namespace; unchanged outside of it, and in `/`."""
+    own = f"{namespace}/"
+    return name.removeprefix(own) if namespace != "/" else name
+
+
 def check_unexpanded(
     name: str, kind: str = "service name", *, repeated_slashes: bool = False
 ) -> None:

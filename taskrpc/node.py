@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 from collections.abc import Callable, Sequence
 from copy import copy
@@ -365,7 +366,7 @@ class Node:
             timeout=timeout,
             retry=retry,
             forget=self._forget_client,
-            otherwise=self._name_in_lab(srv_name),
+            otherwise=self._names_in_lab(srv_name),
         )
         self._clients[client] = None
         return client
@@ -438,7 +439,7 @@ class Node:
             threaded=threaded,
             forget=self._forget_part,
             on_mismatch=on_mismatch,
-            otherwise=self._name_in_lab(topic),
+            otherwise=next(iter(self._names_in_lab(topic)), ""),
         )
         self._parts[subscription] = None
         return subscription
@@ -578,13 +579,12 @@ class Node:
 
         Raises ServiceUnavailable if no server offers it.
         """
-        transport, otherwise = self._started(), self._name_in_lab(srv_name)
-        try:
-            return await transport.definition(self.resolve_service_name(srv_name))
-        except ServiceUnavailable:
-            if not otherwise:
-                raise
-            return await transport.definition(otherwise)
+        transport = self._started()
+        *others, last = self.resolve_service_name(srv_name), *self._names_in_lab(srv_name)
+        for name in others:
+            with contextlib.suppress(ServiceUnavailable):
+                return await transport.definition(name)
+        return await transport.definition(last)
 
     def status(self) -> NodeStatus:
         """Return the present load of this node, and its counts since it started."""
@@ -602,15 +602,18 @@ class Node:
         self._services[service] = None
         service.finished.add_done_callback(lambda _: self._services.pop(service, None))
 
-    def _name_in_lab(self, name: str) -> str:
-        """Return where a lab may offer a relative name: in the root namespace; "" outside a lab.
+    def _names_in_lab(self, name: str) -> tuple[str, ...]:
+        """Return where a lab may offer a relative name; nothing outside a lab.
 
-        The lab's own services and topics are in the root namespace. Programs that were not written
-        for a lab use relative names for them.
+        The user's robot has the namespace above the user's, and the lab's other services and
+        topics are in the root namespace. Programs that were not written for a lab use relative
+        names for them.
         """
         if not self._is_in_lab or name.startswith(("/", "~")):
-            return ""
-        return names.expand(name, node=self._name)
+            return ()
+        above = self._namespace.rpartition("/")[0] or "/"
+        found = (names.expand(name, namespace=each, node=self._name) for each in (above, "/"))
+        return tuple(dict.fromkeys(found))
 
     def _notify(self, method: Callable[[Observer], None]) -> None:
         if self._observer is not None:

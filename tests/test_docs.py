@@ -47,7 +47,7 @@ NOT_RUN = {
     "docs/how-to/check-types.md": 1,
     "docs/how-to/reach-another-machine.md": 8,
     "docs/teach/README.md": 2,
-    "docs/how-to/teach-a-class.md": 12,
+    "docs/how-to/teach-a-class.md": 13,
     "docs/explanation/from-one-laptop-to-a-fleet.md": 1,
     "docs/how-to/run-a-fleet.md": 7,
     "docs/how-to/run-ros-programs.md": 1,

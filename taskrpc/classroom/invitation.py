@@ -33,7 +33,9 @@ _Place = Annotated[
     ),
 ]
 _Token = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_.@+-]{1,64}\.[A-Za-z0-9_~=+/-]{1,256}\Z")]
-_Namespace = Annotated[str, Meta(max_length=80, pattern=r"^/([A-Za-z_][A-Za-z0-9_]*)?\Z")]
+_Namespace = Annotated[
+    str, Meta(max_length=90, pattern=r"^/([A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)?)?\Z")
+]
 _LATEST = 32_503_680_000
 """The year 3000: some systems know no later time."""
 

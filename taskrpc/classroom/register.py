@@ -19,6 +19,7 @@ from taskrpc import platform
 from taskrpc.classroom.authority import files_in
 from taskrpc.classroom.invitation import Invitation, to_join_string
 from taskrpc.errors import TaskRpcError
+from taskrpc.security.lab import robot_namespace
 from taskrpc.security.roles import Account, Role, account_name_problem
 
 _SECRET_BYTES = 18
@@ -31,6 +32,8 @@ class Place(msgspec.Struct, frozen=True):
     """Names or addresses, the most probable one first."""
     port: int
     domain: int = 0
+    robots: int = 1
+    """The students are distributed among so many robots."""
 
     @property
     def addresses(self) -> tuple[str, ...]:
@@ -170,6 +173,19 @@ class Register:
     def place(self, place: Place) -> None:
         platform.write_private(self._place_file, msgspec.json.encode(place))
 
+    @property
+    def robots(self) -> int:
+        """The number of the class's robots; 1 before there is a class."""
+        try:
+            return self.place.robots
+        except TaskRpcError:
+            return 1
+
+    def robot_of(self, account: str) -> str:
+        """Return the namespace of a student's robot: `/`, `/robot2` and so on, in turn."""
+        names = [*self._read().accounts]
+        return robot_namespace(names.index(account) % self.place.robots + 1)
+
     def join_string(self, account: Account) -> str:
         """Return the join string of an account.
 
@@ -182,7 +198,7 @@ class Register:
                 place.addresses,
                 self.certificates.fingerprint,
                 account.token,
-                namespace_of(account.name),
+                self.robot_of(account.name).rstrip("/") + namespace_of(account.name),
                 int(account.expires),
                 place.domain,
             )

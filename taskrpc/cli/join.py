@@ -19,7 +19,7 @@ Try next:
   {}
 `taskrpc join --leave` forgets the lab."""
 _WITH_TASKS = (
-    "taskrpc-call /robot_task task_type=move target=station_1 priority=5",
+    "taskrpc-call {robot} task_type=move target=station_1 priority=5",
     "taskrpc task list",
 )
 _WITHOUT_TASKS = "taskrpc service type NAME", "taskrpc topic list"
@@ -63,8 +63,14 @@ def _join(text: str) -> Exit:
     if lab.namespace != "/":
         print(f"Your own services are in {lab.namespace}: `greet` is {lab.namespace}/greet.")
     _warn_of_peers()
-    has_tasks = any(each.name == "/robot_task" for each in listing.services)
-    print(_NEXT.format(*(_WITH_TASKS if has_tasks else _WITHOUT_TASKS)))
+    from taskrpc.cli.shared.robots import task_service
+
+    service = task_service(lab.robot_namespace)
+    if lab.robot_namespace != "/":
+        print(f"Your robot is {service}; `robot_task` means it too.")
+    has_tasks = any(each.name == service for each in listing.services)
+    examples = _WITH_TASKS if has_tasks else _WITHOUT_TASKS
+    print(_NEXT.format(*(each.format(robot=service) for each in examples)))
     return Exit.DONE
 
 

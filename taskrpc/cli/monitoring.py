@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import srvgen
 from taskrpc.classroom.register import Register, own_addresses
-from taskrpc.cli.shared.page_link import PAGE_SERVICE, NotedLink, PageLink
+from taskrpc.cli.shared.page_link import NotedLink, PageLink
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.errors import TaskRpcError
 from taskrpc.metrics import Metrics
@@ -79,6 +79,7 @@ class Monitoring:
         self._class: LiveClass | None = None
         self._rosbridge: RosbridgeServer | None = None
         self._node: Node | None = None
+        self._service = "/robot_task"
 
     def measured(self, store: TaskStore) -> TaskStore:
         """Return the store with metrics of its commits."""
@@ -92,6 +93,7 @@ class Monitoring:
         The live page shows the class of `class_folder`, if it is given.
         """
         self._node = node
+        self._service = node.resolve_service_name("robot_task")
         self.metrics.add(lambda: task_families(server.manager))
         pages = task_pages(server, self.metrics)
         has_secrets = self._token or self._accounts is not None
@@ -121,6 +123,10 @@ class Monitoring:
         holder = self.tokens.holder(given)
         return holder is not None and not holder.account
 
+    def share_students(self, other: Monitoring) -> None:
+        """Count the calls of the students together with the page of another robot."""
+        self._calls.accounts = other._calls.accounts
+
     def forget_students(self) -> None:
         """Forget what the students of the class have done: the next group begins."""
         self._calls.accounts.clear()
@@ -132,7 +138,9 @@ class Monitoring:
         """Serve, and note the links of the live page for `taskrpc view`. Raises CannotListen."""
         async with web:
             self._announce(web)
-            noted = NotedLink(PageLink(os.getpid(), web.url, self.tokens.view, self.tokens.control))
+            tokens = self.tokens
+            link = PageLink(os.getpid(), web.url, tokens.view, tokens.control, self._service)
+            noted = NotedLink(link)
             try:
                 yield web
             finally:
@@ -152,7 +160,7 @@ class Monitoring:
         # `join`: several servers of a machine may have a page each.
         self._node.create_service(
             srvgen.load("std_srvs/srv/Trigger"),
-            PAGE_SERVICE,
+            f"{self._service}/page",
             address,
             idempotent=True,
             join=True,
@@ -185,7 +193,7 @@ class Monitoring:
         def about() -> dict[str, object]:
             return {
                 "node": node.get_fully_qualified_name(),
-                "service": "/robot_task",
+                "service": self._service,
                 "address": node.address,
                 "started": started,
             }
@@ -200,7 +208,7 @@ class Monitoring:
         events = Live(
             server.manager, stream, about, calls=self._calls, graph=graph, students=students
         )
-        control = Control(load_types(), make_node)
+        control = Control(load_types(), make_node, service=self._service)
         return LivePage(static_files(), self.tokens, stream, events, control)
 
 

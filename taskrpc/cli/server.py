@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from srvgen.cli import process
-from taskrpc import logs
+from taskrpc import logs, names
 from taskrpc.cli.shared import fleet_server, remote
 from taskrpc.cli.shared.command import Exit, UsageError, exit_after, run_main, tune_for_long_run
 from taskrpc.cli.shared.parsing import Parser, add_allow_origin, number, whole
+from taskrpc.cli.shared.robots import for_each_robot, task_service
 from taskrpc.cli.shared.task_database import default_database
-from taskrpc.errors import TaskRpcError
+from taskrpc.errors import InvalidName, TaskRpcError
 
 if TYPE_CHECKING:
     from taskrpc.classroom.attendance import Attendance
@@ -68,17 +69,23 @@ def _run(arguments: list[str]) -> Exit:
         problem = "--allow-origin is for pages that use the live page's address: give --web too"
         raise UsageError(f"taskrpc-server: error: {problem}")
     fleet_server.check(options)
+    robots = for_each_robot(options)
     handler = logs.handler(options.log_format)
     logging.basicConfig(level=options.log_level.upper(), handlers=[handler])
     from taskrpc.program import run
 
     process.start_work()
-    # Before the event loop starts: on the loop, Ctrl-C would wait until the map is read.
+    # Before the event loop starts: on the loop, Ctrl-C would wait until the maps are read.
+    return exit_after(run(_serve_all([(each, _made_robot(each)) for each in robots])))
+
+
+def _made_robot(options: argparse.Namespace) -> Callable[[], Robot]:
+    """Return a function that returns the robot."""
     robot = _robot(options)
-    if not options.standby:  # a standby makes it later: the first server still uses the hardware
-        made = robot()
-        robot = lambda: made  # noqa: E731
-    return exit_after(run(_serve(options, robot)))
+    if options.standby:  # it makes the robot later: the first server still uses the hardware
+        return robot
+    made = robot()
+    return lambda: made
 
 
 def _parser() -> Parser:
@@ -135,6 +142,14 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--log-format", choices=logs.STYLES, default="text", help=what)
 
 
+def _namespace(text: str) -> str:
+    """Return a valid namespace. Raises argparse's ArgumentTypeError."""
+    try:
+        return names.check_namespace(text)
+    except InvalidName as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+
+
 def _fault(spec: str) -> str:
     """Return a valid specification of a fault. Raises argparse's ArgumentTypeError."""
     from taskrpc.testing.fault_specs import parse_fault  # few servers inject faults
@@ -148,7 +163,12 @@ def _fault(spec: str) -> str:
 
 def _add_robot_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--map", metavar="FILE", help="the map (YAML) of the simulated robot")
+    what = "the map (YAML) of the simulated robot; with --robots, give one for each robot"
+    add("--map", metavar="FILE", action="append", help=what)
+    what = "the namespace of the robot: /robot2 for the service /robot2/robot_task (/)"
+    add("--namespace", metavar="NAME", type=_namespace, default="/", help=what)
+    what = "how many simulated robots; each has a queue, a map and a page of its own (1)"
+    add("--robots", metavar="N", type=whole(1), default=1, help=what)
     speed = "simulated seconds per second (1)"
     add(
         "--speed",
@@ -176,12 +196,53 @@ def _add_security_options(parser: argparse.ArgumentParser) -> None:
     add("--tls-ca", metavar="FILE", help=what)
 
 
-async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int:
-    """Serve until the process gets a signal; returns the signal's number."""
+async def _serve_all(robots: Sequence[tuple[argparse.Namespace, Callable[[], Robot]]]) -> int:
+    """Serve each robot until the process gets a signal; returns the signal's number."""
+    from taskrpc.program import stop_requested
+
+    shared = Shared(_attendance(robots[0][0]))
+    async with stop_requested() as stopped:
+        servers = [
+            asyncio.ensure_future(_serve(options, robot, stopped, shared))
+            for options, robot in robots
+        ]
+        try:
+            return (await asyncio.gather(*servers))[0]
+        finally:
+            # If one server fails, the others end as they do after a signal.
+            if not stopped.done():
+                stopped.set_result(0)
+            await asyncio.wait(servers)
+
+
+class Shared:
+    """What the servers of several robots share: the students of a class.
+
+    Args:
+        attendance: when each student last called; None without a class.
+    """
+
+    def __init__(self, attendance: Attendance | None) -> None:
+        self.attendance = attendance
+        self.first: Monitoring | None = None
+        """The page of the first robot, which counts the calls of the students."""
+
+
+async def _serve(
+    options: argparse.Namespace,
+    robot: Callable[[], Robot],
+    stopped: asyncio.Future[int],
+    shared: Shared,
+) -> int:
+    """Serve one robot until the process gets a signal; returns the signal's number."""
     monitoring = _monitoring(options, remote.remote_of(options))
+    if monitoring is not None:
+        if shared.first is not None:
+            monitoring.share_students(shared.first)
+        shared.first = shared.first or monitoring
     recorder = _recorder(options)
     try:
-        return await _serve_with(options, robot, monitoring, recorder)
+        return await _serve_with(options, robot, monitoring, recorder, stopped, shared.attendance)
     finally:
         if recorder is not None:  # a server that could not start leaves no recording
             await recorder.close()
@@ -192,18 +253,18 @@ async def _serve_with(
     robot: Callable[[], Robot],
     monitoring: Monitoring | None,
     recorder: RunRecorder | None,
+    stopped: asyncio.Future[int],
+    attendance: Attendance | None,
 ) -> int:
     from taskrpc.node import Node
-    from taskrpc.program import stop_requested
     from taskrpc.robot import KinematicRobot
     from taskrpc.tasks import SqliteStore, TaskServer
 
     access = remote.remote_of(options)
     faults = _faults(options)
-    attendance = _attendance(options)
     node = Node(
         "task_server",
-        namespace="/",  # in a lab too: clients call /robot_task
+        namespace=options.namespace,  # "/" in a lab too: clients call /robot_task
         transport=options.transport,
         listen=options.listen,
         tls=access.tls,
@@ -214,7 +275,7 @@ async def _serve_with(
         faults=faults,
     )
     store = _store(options)
-    async with stop_requested() as stopped, node, contextlib.AsyncExitStack() as stack:
+    async with node, contextlib.AsyncExitStack() as stack:
         started = _at_once
         if isinstance(store, SqliteStore) and options.standby:
             started = _once_free
@@ -236,11 +297,11 @@ async def _serve_with(
         _say(options, f"{resumed}")
         if recorder is not None:
             assert isinstance(server, TaskServer), "a fleet cannot be recorded"
-            await recorder.follow(node, server)
+            await recorder.follow(node, server, service=task_service(options.namespace))
             _say(options, f"recording to {recorder.writer.path}")
         for fault in faults.faults if faults is not None else ():
             _say(options, f"fault: {fault}")
-        what = "/robot_task [my_robot_interfaces/srv/RobotTask]"
+        what = f"{task_service(options.namespace)} [my_robot_interfaces/srv/RobotTask]"
         _print(options, f"taskrpc-server ready: {what} at {node.address}")
         tune_for_long_run()
         number = await stopped
@@ -319,7 +380,7 @@ def _faults(options: argparse.Namespace) -> CallFaults | None:
         return None
     from taskrpc.testing import CallFaults
 
-    return CallFaults(*options.fault, service="/robot_task")
+    return CallFaults(*options.fault, service=task_service(options.namespace))
 
 
 def _recorder(options: argparse.Namespace) -> RunRecorder | None:
@@ -414,7 +475,7 @@ def _store(options: argparse.Namespace) -> TaskStore:
         return MemoryStore()
     if fleet_server.is_fleet(options):
         return fleet_server.store_of(options)
-    return SqliteStore(options.db or default_database())
+    return SqliteStore(options.db or default_database(options.namespace))
 
 
 def _robot(options: argparse.Namespace) -> Callable[[], Robot]:

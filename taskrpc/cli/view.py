@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from types import FrameType
 
 from taskrpc.cli.shared import graph
@@ -50,6 +50,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--no-browser", action="store_true", help="Print the links instead of opening a browser")
     what = "Open the page for a projector: large letters, and no buttons"
     add("--projector", action="store_true", help=what)
+    what = "The robot whose page to open, such as /robot2/robot_task. Default: the first one"
+    add("--service", metavar="NAME", help=what)
     group = parser.add_argument_group("labs")
     add = group.add_argument
     what = "Open the page on which the first labs run in the browser, without a task server"
@@ -75,14 +77,30 @@ def _run(options: argparse.Namespace) -> int:
 
         return view(options)
     if links := noted_links():
-        _show(links[0], options)
+        _show(_chosen(links, options.service), options)
         return Exit.DONE
+    if options.service is not None:
+        raise NotFound(f"no server of this machine has a live page of {options.service}")
     _refuse_server_without_page()
     if (lab := _joined_lab()) is not None:
         from taskrpc.cli.classroom.lab_page import view_lab  # few users have joined a lab
 
         return view_lab(lab)
     return _run_server(options)
+
+
+def _chosen(links: Sequence[PageLink], service: str | None) -> PageLink:
+    """Return the newest page, that of the first robot if one server has several.
+
+    With `service`, return the page of this service. Raises NotFound.
+    """
+    of_one = [each for each in links if each.pid == links[0].pid]
+    wanted = service or min((each.service for each in of_one), key=len)
+    for link in of_one if service is None else links:
+        if link.service == wanted:
+            return link
+    known = ", ".join(sorted({each.service for each in links}))
+    raise NotFound(f"no live page shows {service}; there are pages of: {known}")
 
 
 def _joined_lab() -> Lab | None:

@@ -29,9 +29,19 @@ class Lab(msgspec.Struct, frozen=True, kw_only=True):
     expires: float = 0.0
     """When the account expires, in seconds since 1970; 0.0: never."""
 
+    @property
+    def robot_namespace(self) -> str:
+        """The namespace of this user's robot: `/robot2` for `/robot2/ada`, `/` for `/ada`."""
+        return self.namespace.rpartition("/")[0] or "/"
+
     def __repr__(self) -> str:
         # Without the token, which must not appear in logs.
         return f"Lab(place={self.place!r}, domain={self.domain}, namespace={self.namespace!r})"
+
+
+def robot_namespace(number: int) -> str:
+    """Return the namespace of a lab's robot, counted from 1: the first one has the root's."""
+    return "/" if number == 1 else f"/robot{number}"
 
 
 def lab_file() -> Path:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc.errors import (
@@ -67,7 +67,7 @@ class RemoteChannel:
         named: ServiceEndpoint,
         srv_type: ServiceType,
         *,
-        otherwise: str = "",
+        otherwise: Sequence[str] = (),
     ) -> None:
         self.mode = Mode.AT_MOST_ONCE
         """What the server promised; known once connected."""
@@ -79,7 +79,7 @@ class RemoteChannel:
         """Counts the requests to the present store; None before the first of them."""
         self._endpoint = endpoint
         self._named = named
-        self._names = (named.name, otherwise) if otherwise else (named.name,)
+        self._names = (named.name, *otherwise)
         self._shown = " or ".join(self._names)
         """The names as errors show them."""
         self._reached = named.name

@@ -8,7 +8,7 @@ import logging
 import os
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import msgspec
@@ -187,9 +187,9 @@ class Endpoint(ThreadHandoff):
             self._advertise()
 
     def channel(
-        self, name: str, srv_type: ServiceType, node: str, *, otherwise: str = ""
+        self, name: str, srv_type: ServiceType, node: str, *, otherwise: Sequence[str] = ()
     ) -> RemoteChannel:
-        """Return a node's channel to a service; to `otherwise` if no process offers the first."""
+        """Return a node's channel to a service; to one of `otherwise` if none offers the first."""
         named = ServiceEndpoint(name, srv_type._TYPE, srv_type._HASH, node)
         if self.network.native is not None:
             self.network.native.add_type(srv_type)

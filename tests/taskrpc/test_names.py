@@ -7,7 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskrpc.errors import InvalidName
-from taskrpc.names import check_namespace, check_node_name, expand, fully_qualified, is_hidden
+from taskrpc.names import (
+    check_namespace,
+    check_node_name,
+    expand,
+    fully_qualified,
+    is_hidden,
+    relative,
+)
 
 CHARACTERS = (
     "topic name must not contain characters other than alphanumerics, '_', '~', '{', or '}'"
@@ -227,3 +234,19 @@ def test_checks_raise_only_invalid_name_and_accept_what_they_return(name):
         except InvalidName:
             continue
         assert check(accepted) == accepted
+
+
+@pytest.mark.parametrize(
+    ("name", "namespace", "found"),
+    [
+        ("/ada/robot_task", "/ada", "robot_task"),
+        ("/ada/a/b", "/ada", "a/b"),
+        ("/robot2/ada/x", "/robot2/ada", "x"),
+        ("/adam/x", "/ada", "/adam/x"),
+        ("/x", "/", "/x"),
+        ("/ada", "/ada", "/ada"),
+    ],
+)
+def test_relative_name_is_what_follows_the_namespace(name, namespace, found):
+    assert relative(name, namespace=namespace) == found
+    assert expand(found, namespace=namespace) == name

@@ -25,6 +25,7 @@ _DAYS = 180
 _MOST_DAYS = 36_500
 _SHARE = 20  # queued tasks of one laptop
 _DAY = 86_400
+_MOST_ROBOTS = 20
 _CLASS = "class"  # the account of a class without --students
 
 
@@ -39,6 +40,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = f"how many days the join strings are valid ({_DAYS})"
     add("--days", metavar="N", type=whole(1, _MOST_DAYS), default=_DAYS, help=what)
     add("--renew", action="store_true", help="make a new certificate; all students must join again")
+    what = "how many robots share the students (1, or as many as the last time)"
+    add("--robots", metavar="N", type=whole(1, _MOST_ROBOTS), help=what)
     what = f"with --serve: maximum number of queued tasks of one laptop ({_SHARE})"
     add("--share", metavar="N", type=whole(1), default=_SHARE, help=what)
     what = "run taskrpc-server for the class, with a live page there (127.0.0.1:0)"
@@ -161,7 +164,8 @@ def _place(options: argparse.Namespace, register: Register) -> Place:
             "this machine has no address in a network: join the one in which the laptops are, or"
             " say with --address HOST what they can reach"
         )
-    return Place(tuple(hosts), options.port or _PORT, domain_id())
+    robots = options.robots or register.robots
+    return Place(tuple(hosts), options.port or _PORT, domain_id(), robots)
 
 
 def _make_certificates(register: Register, place: Place) -> None:
@@ -204,13 +208,18 @@ def _students(given: str) -> list[str]:
 
 
 def _print_strings(register: Register, accounts: Sequence[Account]) -> None:
-    """Print one line per valid account: the string, after the name if there are several."""
+    """Print one line per valid account: the string, after the name if there are several.
+
+    With several robots, the namespace of the student's robot is before the string.
+    """
     usable = [account for account in accounts if not account.refusal(time.time())]
     print("on each laptop: taskrpc join STRING", file=sys.stderr)
     written = register.names()
     for account in usable:
         student = written.get(account.name, account.name)
         name = f"{student} " if len(usable) > 1 else ""
+        if register.robots > 1:
+            name += f"{register.robot_of(account.name)} "
         print(f"{name}{register.join_string(account)}", flush=True)
 
 
@@ -226,6 +235,7 @@ def _serve(register: Register, place: Place, options: argparse.Namespace) -> Exi
         *("--share", str(options.share)),
         *("--class", str(register.folder)),
         *(("--web", options.web) if options.web else ()),
+        *(("--robots", str(place.robots)) if place.robots > 1 else ()),
         *(options.serve or ()),
     ]
     return Exit(server.main(arguments))
@@ -250,6 +260,7 @@ def _reset(options: argparse.Namespace) -> Exit:
 
     from taskrpc.cli.classroom.reset import REFRESH, confirmed, end_group
     from taskrpc.cli.shared.task_database import default_database
+    from taskrpc.security.lab import robot_namespace
 
     register = _register()
     assert register.place  # raises TaskRpcError if there is no class
@@ -262,7 +273,9 @@ def _reset(options: argparse.Namespace) -> Exit:
         # First, so that programs of the former group cannot submit more tasks.
         accounts = register.renew(names, time.time() + options.days * _DAY)
         time.sleep(REFRESH)
-    end_group(register, Path(options.db) if options.db else default_database())
+    robots = [robot_namespace(number) for number in range(1, register.robots + 1)]
+    databases = [default_database(namespace) for namespace in robots]
+    end_group(register, [Path(options.db)] if options.db else databases)
     if accounts:
         _print_strings(register, accounts)
     return Exit.DONE

@@ -11,8 +11,8 @@ import srvgen
 from taskrpc.classroom.authority import fingerprint
 from taskrpc.classroom.joining import TIMEOUT, visit_now
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
-from taskrpc.cli.shared.page_link import PAGE_SERVICE
 from taskrpc.cli.shared.remote import Remote
+from taskrpc.cli.shared.robots import task_service
 from taskrpc.errors import TaskRpcError
 from taskrpc.security.lab import Lab
 from taskrpc.transport.tcp.tcp_network import join_place, split_place
@@ -23,11 +23,12 @@ _PLACE = re.compile(r"https://((?:[A-Za-z0-9.-]+|\[[0-9A-Fa-f:.]+\]):[0-9]{1,5})
 def view_lab(lab: Lab) -> Exit:
     """Print the links of the lab's page. Raises TaskRpcError if there is no such page."""
     offered = {each.name for each in visit_now(lab).services}
-    if PAGE_SERVICE not in offered:
+    page_service = f"{task_service(lab.robot_namespace)}/page"
+    if page_service not in offered:
         problem = NotFound(f"the lab at {lab.place} serves no live page for laptops")
         how = "the lecturer starts one: taskrpc classroom --web 0.0.0.0:8443 --serve"
         raise hinted(problem, f"{how}. For a robot of your own: taskrpc-server --web 127.0.0.1:0")
-    place = _checked(lab, asyncio.run(_address(lab)))
+    place = _checked(lab, asyncio.run(_address(lab, page_service)))
     link, secret = f"https://{place}/", f"#view={lab.token}"
     for line in (
         f"the live page of the lab at {lab.place}, for {lab.token.partition('.')[0]}",
@@ -42,11 +43,11 @@ def view_lab(lab: Lab) -> Exit:
     return Exit.DONE
 
 
-async def _address(lab: Lab) -> str:
+async def _address(lab: Lab, page_service: str) -> str:
     """Ask the lab's server for the address of its page."""
     trigger = srvgen.load("std_srvs/srv/Trigger")
     async with Remote(lab.place).node() as node:
-        client = node.create_client(trigger, PAGE_SERVICE, timeout=TIMEOUT)
+        client = node.create_client(trigger, page_service, timeout=TIMEOUT)
         response = await client.call(trigger.Request())
     return str(response.message)
 

@@ -18,7 +18,7 @@ from taskrpc.cli.shared import graph
 from taskrpc.cli.shared.command import UsageError, hinted
 from taskrpc.cli.shared.remote import HERE
 from taskrpc.errors import TaskRpcError
-from taskrpc.tasks.model import TaskState
+from taskrpc.tasks.model import Task, TaskState
 from taskrpc.tasks.records.sqlite_store import SqliteStore
 from taskrpc.transport.discovery.registry import Registry
 from taskrpc.transport.settings import domain_id
@@ -39,14 +39,14 @@ def confirmed(options: argparse.Namespace) -> bool:
     return input(question).strip().lower() in ("y", "yes")
 
 
-def end_group(register: Register, database: Path) -> None:
+def end_group(register: Register, databases: Sequence[Path]) -> None:
     """End the present group, and print what was done.
 
-    `database` is that of the task server; it is used only if no server runs. Raises TaskRpcError.
+    `databases` are those of the robots; they are used only if no server runs. Raises TaskRpcError.
     """
     services = _running()
     if not services:
-        print(_end_stored(register, database))
+        print(_end_stored(register, databases))
     for service in services:
         print(asyncio.run(_call(service)))
 
@@ -77,13 +77,11 @@ async def _call(service: str) -> str:
     return f"{service.removesuffix('/reset')}: {response.message}"
 
 
-def _end_stored(register: Register, database: Path) -> str:
+def _end_stored(register: Register, databases: Sequence[Path]) -> str:
     """End the group in the files, while no server runs; returns what was done."""
+    existing = [database for database in databases if database.exists()]
     try:
-        if database.exists():
-            count, path = asyncio.run(_end_stored_tasks(register, database))
-        else:
-            count, path = 0, write_archive(register, [], time.time())
+        count, path = asyncio.run(_end_stored_tasks(register, existing))
         attendance = register.attendance_file
         if attendance.exists():
             Attendance(attendance).clear()
@@ -92,17 +90,22 @@ def _end_stored(register: Register, database: Path) -> str:
     return f"no server runs: {summary(count, path)}"
 
 
-async def _end_stored_tasks(register: Register, database: Path) -> tuple[int, Path | None]:
-    now, store = time.time(), SqliteStore(database)
+async def _end_stored_tasks(
+    register: Register, databases: Sequence[Path]
+) -> tuple[int, Path | None]:
+    """Archive the tasks of stores, then forget them; returns their number and the archive."""
+    now, tasks = time.time(), list[Task]()
+    stores = [SqliteStore(database) for database in databases]
     try:
-        stored = await store.load()
-        tasks = [
-            each if each.state.is_ended else each.ended(TaskState.CANCELED, now, message="reset")
-            for each in stored.tasks
-        ]
+        found = [(await store.load()).tasks for store in stores]
+        for task in (task for stored in found for task in stored):
+            is_ended = task.state.is_ended
+            tasks.append(task if is_ended else task.ended(TaskState.CANCELED, now, message="reset"))
         path = write_archive(register, tasks, now)
-        await store.apply([], [each.task_id for each in tasks])
-        await store.remember_pause(False)
+        for store, stored in zip(stores, found, strict=True):
+            await store.apply([], [task.task_id for task in stored])
+            await store.remember_pause(False)
     finally:
-        await store.close()
+        for store in stores:
+            await store.close()
     return len(tasks), path

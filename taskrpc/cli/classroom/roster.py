@@ -11,9 +11,11 @@ from taskrpc.classroom.attendance import last_calls
 from taskrpc.classroom.register import Register
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.remote import HERE
+from taskrpc.cli.shared.robots import task_service
 from taskrpc.cli.task.task_services import TaskServices
 from taskrpc.cli.task.view import aligned
 from taskrpc.errors import TaskRpcError
+from taskrpc.security.lab import robot_namespace
 from taskrpc.security.roles import Account
 
 _TIMEOUT = 2.0  # seconds for a call of the task server
@@ -23,7 +25,7 @@ _HEADINGS = "NAME", "STATE", "LAST CALL", "WAITING", "UNTIL"
 def show(register: Register, *, as_json: bool) -> Exit:
     """Print a class's roster."""
     seen = last_calls(register.attendance_file)
-    waiting = asyncio.run(_waiting())
+    waiting = asyncio.run(_waiting(register.robots))
     written = register.names()
     rows = [_row(account, written, seen, waiting) for account in register.accounts()]
     if as_json:
@@ -37,11 +39,14 @@ def show(register: Register, *, as_json: bool) -> Exit:
     return Exit.DONE
 
 
-async def _waiting() -> list[str] | None:
+async def _waiting(robots: int) -> list[str] | None:
     """Return the client of each queued task, as the server names it; None without a server."""
+    tasks: list[Any] = []
     async with HERE.node() as node:
         try:
-            tasks: list[Any] = await TaskServices(node, timeout=_TIMEOUT).tasks()
+            for number in range(1, robots + 1):
+                service = task_service(robot_namespace(number))
+                tasks += await TaskServices(node, service, timeout=_TIMEOUT).tasks()
         except TaskRpcError:
             return None
     return [task.client for task in tasks if task.state == task.QUEUED]

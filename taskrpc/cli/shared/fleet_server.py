@@ -56,6 +56,8 @@ def check(options: argparse.Namespace) -> None:
             "--standby waits for another server of one database file; the servers of a fleet run"
             " at the same time"
         )
+    if options.namespace != "/" or options.robots > 1:
+        raise _usage("--namespace and --robots are for single servers: a fleet names its robots")
     if options.join:
         raise _usage("--join is for single servers: the servers of a fleet need no option to join")
     if options.record:

@@ -18,9 +18,6 @@ from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
 
 _FLAGS = os.O_RDWR | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
 
-PAGE_SERVICE = "/robot_task/page"
-"""The service that returns the address of a live page that other machines can reach."""
-
 
 class PageLink(msgspec.Struct, frozen=True):
     """The address of a live page, and the tokens of its links."""
@@ -33,6 +30,8 @@ class PageLink(msgspec.Struct, frozen=True):
     """The token that allows to see the page; the page of this machine needs none."""
     control: str
     """The token that allows control."""
+    service: str = "/robot_task"
+    """The service whose tasks the page shows."""
 
     def __repr__(self) -> str:
         # Without the tokens, which must not appear in logs.
@@ -63,7 +62,8 @@ class NotedLink:
     """The file of one server; `close` removes it. Raises OSError if it cannot be written."""
 
     def __init__(self, link: PageLink) -> None:
-        self._path = _folder() / f"web-{link.pid}.page"
+        robot = link.service.removesuffix("/robot_task").replace("/", "_")
+        self._path = _folder() / f"web-{link.pid}{robot}.page"
         self._path.unlink(missing_ok=True)
         self._descriptor = platform.open_private(self._path, must_be_new=True)
         platform.lock(self._descriptor)

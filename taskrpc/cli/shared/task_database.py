@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from taskrpc import platform
+from taskrpc.cli.shared.robots import suffix_of
 from taskrpc.transport.settings import domain_id
 
 
-def default_database() -> Path:
-    """Return the database of this user's task server in this domain."""
+def default_database(namespace: str = "/") -> Path:
+    """Return the database of this user's task server in this domain, for one robot."""
     domain = domain_id()
-    name = f"tasks_domain_{domain}.db" if domain else "tasks.db"
-    return platform.state_dir() / name
+    name = f"tasks_domain_{domain}" if domain else "tasks"
+    return platform.state_dir() / f"{name}{suffix_of(namespace)}.db"

@@ -97,8 +97,8 @@ def _add(commands: Commands, verb: str, purpose: str, action: Action) -> Parser:
     command = add_command(commands, verb, purpose)
     command.mixed = True
     add = command.add_argument
-    what = "the service of the task server (/robot_task)"
-    add("--service", metavar="NAME", default="/robot_task", help=what)
+    what = "the service of the task server (/robot_task, or that of your robot in a lab)"
+    add("--service", metavar="NAME", help=what)
     what = "seconds for one call, including the wait for the server (10)"
     add("--timeout", metavar="S", type=_SECONDS, default=10.0, help=what)
     add("--json", action="store_true", help="print JSON")
@@ -121,13 +121,14 @@ async def perform(options: Namespace) -> Exit:
     Raises TaskRefused, NotFound, TypeMismatch, ServiceUnavailable and the other errors of calls.
     """
     from taskrpc.cli.shared.remote import remote_of
+    from taskrpc.cli.shared.robots import own_task_service
     from taskrpc.cli.task.task_services import TaskServices
 
-    remote = remote_of(options)
+    remote, service = remote_of(options), options.service or own_task_service()
     async with remote.node() as node:
         services = TaskServices(
             node,
-            options.service,
+            service,
             timeout=options.timeout,
             remote=remote,
             note=(lambda _: None) if options.json else _note,

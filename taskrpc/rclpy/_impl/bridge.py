@@ -8,7 +8,7 @@ from collections.abc import Callable, Coroutine
 from functools import cache, partial
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from taskrpc import platform, sync
+from taskrpc import names, platform, sync
 from taskrpc.errors import NameInUse, ServiceUnavailable, WouldDeadlock
 
 from .diagnostics.explain import like_ros, two_servers
@@ -70,7 +70,13 @@ class Bridge:
 
     def client(self, srv_type: Any, name: str) -> NativeClient:
         """Create a client without a deadline."""
+        name = self._relative(name)
         return NativeClient(self, self.native.create_client(srv_type, name, timeout=None))
+
+    def _relative(self, name: str) -> str:
+        # rclpy's names are absolute here. But the native node looks only for relative names in the
+        # namespaces of a joined lab, where the robot is.
+        return names.relative(name, namespace=self.namespace)
 
     def offer(self, srv_type: Any, name: str, take: Take, *, join: bool) -> Offered:
         """Offer a service; `take` receives every call, on the thread of the loop."""
@@ -95,7 +101,7 @@ class Bridge:
 
         `on_mismatch` receives there why a publisher is incompatible.
         """
-        create = self.native.create_subscription
+        create, topic = self.native.create_subscription, self._relative(topic)
         return NativeSubscription(
             create(msg_type, topic, take, qos, threaded=False, on_mismatch=on_mismatch)
         )

@@ -218,3 +218,22 @@ def test_wrong_name_for_the_next_group_costs_no_account(register):
         register.renew(["ana.k", "ana_k"], 1e12)
     assert register.accounts() == before
     assert register.names() == {"Jose": "José"}
+
+
+def test_robots_get_the_students_in_turn(register):
+    names = ["ada", "bob", "cleo", "dina", "emil"]
+    accounts = register.add(names, 4e9)
+    make_certificates(register.folder, ["127.0.0.1"], datetime.datetime.now(datetime.UTC))
+    register.place = Place(("127.0.0.1",), 7450)
+    assert {register.robot_of(name) for name in names} == {"/"}
+    register.place = Place(("127.0.0.1",), 7450, robots=2)
+    found = [register.robot_of(name) for name in names]
+    assert found == ["/", "/robot2", "/", "/robot2", "/"]
+    strings = [from_join_string(register.join_string(account)) for account in accounts]
+    assert [each.namespace for each in strings[:2]] == ["/ada", "/robot2/bob"]
+
+
+def test_class_of_an_earlier_version_has_one_robot(register):
+    assert register.robots == 1
+    (register.folder / "place.json").write_text('{"hosts":["h"],"port":7450}', encoding="utf-8")
+    assert register.robots == 1

@@ -140,3 +140,24 @@ def test_waiting_for_the_page_has_a_limit(monkeypatch):
             view._link_of(silent)
         assert time.monotonic() - began < 10
         silent.communicate(b"\n")
+
+
+def test_page_of_the_first_robot_is_opened_unless_another_one_is_named(note, opened, capsys):
+    second = PageLink(os.getpid(), "http://127.0.0.1:9", "VIEW", "CONTROL", "/robot2/robot_task")
+    note(LOCAL)
+    note(second)
+    assert main(["view", "--no-browser"]) == 0
+    assert "http://127.0.0.1:8642/#control" in capsys.readouterr().out
+    assert main(["view", "--no-browser", "--service", "/robot2/robot_task"]) == 0
+    assert "http://127.0.0.1:9/#control" in capsys.readouterr().out
+    assert main(["view", "--service", "/robot3/robot_task"]) == 1
+    said = capsys.readouterr().err
+    assert said == (
+        "no live page shows /robot3/robot_task; there are pages of: /robot2/robot_task,"
+        " /robot_task\n"
+    )
+
+
+def test_service_without_any_page_is_not_found(capsys):
+    assert main(["view", "--service", "/robot2/robot_task"]) == 1
+    assert "no server of this machine has a live page of /robot2" in capsys.readouterr().err

@@ -57,3 +57,16 @@ def test_invalid_lab_file_is_named():
 
 def test_the_token_is_not_printed():
     assert "secret" not in repr(LAB)
+
+
+@pytest.mark.parametrize(
+    ("namespace", "robot"),
+    [("/ada", "/"), ("/", "/"), ("/robot2/ada", "/robot2")],
+)
+def test_robot_of_a_user_is_in_the_namespace_above(namespace, robot):
+    found = lab.Lab(place="h:1", token="ada.secret", certificate="PEM", namespace=namespace)
+    assert found.robot_namespace == robot
+
+
+def test_first_robot_has_the_root_namespace():
+    assert [lab.robot_namespace(number) for number in (1, 2, 3)] == ["/", "/robot2", "/robot3"]

@@ -374,7 +374,7 @@ async def test_all_other_servers_of_the_name_that_is_called_run_a_request_too_an
     for where, name in (("one", "/ada/add"), ("two", "/ada/add"), ("the lab", "/add")):
         (await net.node("server")).create_service(Add, name, told(where), join=True)
     transport = (await net.node("client"))._transport
-    channel = transport.channel("/ada/add", Add, "/client", otherwise="/add")
+    channel = transport.channel("/ada/add", Add, "/client", otherwise=["/add"])
     assert await channel.wait(None)
     answers = []
     assert (await channel.send(ask(2, 3), None).future).sum == 5
