@@ -34,10 +34,14 @@ async def _scans(trial):
 
 async def _together(trial):
     trigger = srvgen.load("std_srvs/srv/Trigger")
-    robot = await trial.start("robot.py")
-    await service_of(trial, robot, trigger, f"/{_robot(trial)}/battery")
-    planner = await trial.start("planner.py")
-    await service_of(trial, planner, trigger, "/mission")
+    for file, name in (("robot.py", f"/{_robot(trial)}/scan"), ("planner.py", "/mission")):
+        await trial.start(file)
+        if not await trial.node.create_client(trigger, name).wait_for_service(timeout=30.0):
+            raise NotMet(
+                f"{file} to offer {name}, also if the other programs run",
+                "it did not within 30 s",
+                "start all three programs, and read their logs",
+            )
     for _ in range(2):
         console = await trial.start("console.py")
         code = await console.finished(40.0)
