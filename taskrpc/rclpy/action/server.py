@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from taskrpc.actions.goals import GoalLedger, GoalRecord, goals_to_cancel
 from taskrpc.actions.messages import ActionMessages, bytes_of, nanoseconds_of
-from taskrpc.actions.states import GoalEvent, GoalState, InvalidTransition, next_state
+from taskrpc.actions.states import GoalEvent, next_state
 from taskrpc.errors import Code, HandlerFailed
 
 from .._impl.actions.goal_ids import shown
@@ -37,6 +37,7 @@ from ..service import RequestHeader
 from ..service_introspection import ServiceIntrospectionState
 from ..type_support import check_is_valid_action_type
 from ..waitable import NumberOfEntities, Waitable
+from .server_goal_handle import ServerGoalHandle, describe
 
 if TYPE_CHECKING:
     from ..clock import Clock
@@ -64,125 +65,6 @@ class CancelResponse(Enum):
 
     REJECT = 1
     ACCEPT = 2
-
-
-class ServerGoalHandle(Generic[GoalT, ResultT, FeedbackT]):
-    """A goal that an action server has accepted; its callbacks receive it.
-
-    The methods may be called from any thread. After `destroy`, they do nothing.
-    """
-
-    def __init__(
-        self,
-        action_server: ActionServer[GoalT, ResultT, FeedbackT],
-        goal_info: Any,
-        goal_request: GoalT,
-    ) -> None:
-        self._action_server = action_server
-        self._goal_info = goal_info
-        self._goal_request = goal_request
-        key, stamp = bytes_of(goal_info.goal_id), nanoseconds_of(goal_info.stamp)
-        self._record: GoalRecord | None = action_server._accept(key, goal_request, stamp)
-        """The goal in the ledger of the server; None after `destroy`."""
-        self._lock = threading.Lock()
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, ServerGoalHandle) and self.goal_id == other.goal_id
-
-    __hash__ = None  # type: ignore[assignment]  # as in ROS
-
-    @property
-    def request(self) -> GoalT:
-        """The goal message that the client sent."""
-        return self._goal_request
-
-    @property
-    def goal_id(self) -> Any:
-        """The id of the goal, a `unique_identifier_msgs.msg.UUID`."""
-        return self._goal_info.goal_id
-
-    @property
-    def is_active(self) -> bool:
-        """Whether the goal has not ended."""
-        return self._state.is_active
-
-    @property
-    def is_cancel_requested(self) -> bool:
-        """Whether a client has cancelled the goal, and the server has accepted this."""
-        return self._state is GoalState.CANCELING
-
-    @property
-    def status(self) -> int:
-        """The state of the goal, a constant of `action_msgs.msg.GoalStatus`."""
-        return int(self._state)
-
-    @property
-    def _state(self) -> GoalState:
-        record = self._record
-        return GoalState.UNKNOWN if record is None else record.state
-
-    def executing(self) -> None:
-        """Mark the goal as being executed, unless a client has cancelled it already."""
-        if not self.is_cancel_requested:
-            self._update_state(GoalEvent.EXECUTE)
-
-    def execute(
-        self, execute_callback: Callable[[ServerGoalHandle[Any, Any, Any]], Any] | None = None
-    ) -> None:
-        """Run the execute callback for this goal, on the thread or threads that spin the node.
-
-        `execute_callback` replaces the callback of the server for this goal.
-        """
-        self.executing()
-        self._action_server.notify_execute(self, execute_callback)
-
-    def publish_feedback(self, feedback: FeedbackT) -> None:
-        """Send a feedback message to the client; raises TypeError for a message of another type."""
-        expected = self._action_server.action_type.Feedback
-        if not isinstance(feedback, expected):
-            raise TypeError(f"expected a {expected.__name__}, got {_what(feedback)}")
-        if self._record is not None:
-            self._action_server._parts.publish_feedback(self.goal_id, feedback)
-
-    def succeed(self, response: ResultT | None = None) -> None:
-        """End the goal: the server completed it. `response` is the result if no callback runs.
-
-        Raises RCLError in a state that does not allow this.
-        """
-        self._update_state(GoalEvent.SUCCEED, response)
-
-    def abort(self, response: ResultT | None = None) -> None:
-        """End the goal without completing it. `response` is the result if no callback runs.
-
-        Raises RCLError in a state that does not allow this.
-        """
-        self._update_state(GoalEvent.ABORT, response)
-
-    def canceled(self, response: ResultT | None = None) -> None:
-        """End the goal after its cancellation. `response` is the result if no callback runs.
-
-        Raises RCLError if no cancellation was accepted.
-        """
-        self._update_state(GoalEvent.CANCELED, response)
-
-    def destroy(self) -> None:
-        """Forget the goal: its status becomes unknown."""
-        with self._lock:
-            self._record = None
-
-    def _update_state(self, event: GoalEvent, response: ResultT | None = None) -> None:
-        with self._lock:
-            if self._record is None:
-                return
-            try:
-                self._action_server._change(self._record, event)
-            except InvalidTransition as error:
-                raise RCLError(
-                    "Failed to update goal state: goal_handle attempted invalid transition from"
-                    f" state {error.state} with event {error.event}"
-                ) from None
-        if response is not None:
-            self._action_server._set_result(self, response)
 
 
 def default_handle_accepted_callback(goal_handle: ServerGoalHandle[Any, Any, Any]) -> None:
@@ -390,7 +272,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         answer = await await_or_execute(self._cancel_callback, handle)
         if answer is not CancelResponse.ACCEPT:
             if not isinstance(answer, CancelResponse):
-                explain.invalid_cancel_response(self._action_name, _what(answer))
+                explain.invalid_cancel_response(self._action_name, describe(answer))
             return False
         if not self._results.hold(record.goal_id):
             return False  # another request cancels it at this moment
@@ -488,7 +370,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         fields = expected.get_fields_and_field_types()
         is_class = isinstance(value, type)
         if value is None or is_class or not all(hasattr(value, name) for name in fields):
-            problem = f"the execute callback of {self._action_name} returned {_what(value)}"
+            problem = f"the execute callback of {self._action_name} returned {describe(value)}"
             if value is None:
                 problem += f"; is `return result` (a {expected.__name__}) missing at its end?"
             else:
@@ -601,12 +483,6 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
 
 _EXECUTING = (None, default_handle_accepted_callback)
 """The callbacks for accepted goals that need an execute callback."""
-
-
-def _what(value: Any) -> str:
-    if isinstance(value, type):
-        return f"the class {value.__name__} (write `{value.__name__}()`)"
-    return "nothing" if value is None else f"a value of the type {type(value).__name__}"
 
 
 __getattr__ = names_of(
