@@ -7,7 +7,7 @@ from taskrpc.labs.lab import Check, NotMet
 async def _shows_in_any_order(trial):
     async with held_service(trial) as held:
         client = await all_sent(trial, held)
-        first, second, third = held.received
+        first, second, third = held.sums
         orders = [(second, first, third), (second, third, first), (third, first, second)]
         await shows(trial, held, client, orders[trial.unpredictable(0, 2)])
 
@@ -15,7 +15,7 @@ async def _shows_in_any_order(trial):
 async def _ticks_until_the_end(trial):
     async with held_service(trial) as held:
         client = await all_sent(trial, held)
-        *first, last = held.received
+        *first, last = held.sums
         await shows(trial, held, client, first)
         if not await ticks(trial, client, 3):
             raise NotMet(

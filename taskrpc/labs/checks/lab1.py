@@ -24,7 +24,21 @@ _TYPE = "example_interfaces/srv/AddTwoInts"
 _WAITS = re.compile(r"\b(wait_for_service|service_is_ready)\b")
 _ABSENT = 5.0
 """Seconds until the server starts: taskrpc reports a request without a server after 2 to 3 s."""
-_NAMES = ("add_two_ints", "sum_of_two", "plus", "add_up", "total_of_two")
+_NAMES = (
+    "add_two_ints",
+    "sum_of_two",
+    "plus",
+    "add_up",
+    "total_of_two",
+    "sum_up",
+    "add_numbers",
+    "addition",
+    "sum_service",
+    "adder",
+    "total",
+    "calculate_sum",
+    "two_to_one",
+)
 
 
 def _service(variant: Variant) -> str:
@@ -73,6 +87,7 @@ async def _logs(trial: Trial) -> None:
 async def _prints(trial: Trial) -> None:
     # Our server responds with a number that no addition gives: a client that adds is found out.
     number = trial.unpredictable(10_000, 99_999)
+    a, b = trial.unpredictable(100, 499), trial.unpredictable(500, 999)
     requests: list[Any] = []
 
     def respond(request: Any, response: Any) -> Any:
@@ -82,7 +97,7 @@ async def _prints(trial: Trial) -> None:
 
     service = trial.node.create_service(srvgen.load(_TYPE), f"/{_service(trial.variant)}", respond)
     try:
-        client = await trial.start("client.py", "20", "22")
+        client = await trial.start("client.py", str(a), str(b))
         code = await client.finished(timeout=STARTED)
     finally:
         service.destroy()
@@ -117,9 +132,9 @@ async def _prints(trial: Trial) -> None:
             ended(client, code),
             "only the server adds: print response.sum, whatever it is",
         )
-    if [(each.a, each.b) for each in requests] != [(20, 22)]:
+    if [(each.a, each.b) for each in requests] != [(a, b)]:
         raise NotMet(
-            "`client.py 20 22` to send one request, with a=20 b=22",
+            f"`client.py {a} {b}` to send one request, with a={a} b={b}",
             f"it sent {' and '.join(f'a={each.a} b={each.b}' for each in requests)}",
             "sys.argv[1] and sys.argv[2] are the numbers; call send_request once",
         )

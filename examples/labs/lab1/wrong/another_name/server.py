@@ -1,4 +1,4 @@
-# The check says: it offers /add_numbers (example_interfaces/srv/AddTwoInts); compare name and type
+# The check says: it offers /add_two_numbers (example_interfaces/srv/AddTwoInts); compare name and type
 import rclpy
 from example_interfaces.srv import AddTwoInts
 from rclpy.node import Node
@@ -7,7 +7,7 @@ from rclpy.node import Node
 class AddServer(Node):
     def __init__(self):
         super().__init__("add_server")
-        self.srv = self.create_service(AddTwoInts, "add_numbers", self.add)
+        self.srv = self.create_service(AddTwoInts, "add_two_numbers", self.add)
 
     def add(self, request, response):
         response.sum = request.a + request.b
