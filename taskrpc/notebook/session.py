@@ -121,7 +121,8 @@ def _is_error(value: object) -> bool:
 def _find_commands() -> None:
     """Let `!taskrpc` in a cell run the command of this environment, which may not be active."""
     folder = str(Path(sys.executable).parent)
-    if which("taskrpc") is None and which("taskrpc", path=folder) is not None:
+    command = which("taskrpc", path=folder)
+    if command is not None and which("taskrpc") != command:
         os.environ["PATH"] = os.pathsep.join([folder, os.environ.get("PATH", os.defpath)])
 
 

@@ -207,10 +207,12 @@ PROGRAM = """
 import os, sys, time
 import rclpy
 rclpy.init()
-node = rclpy.create_node("NAME")
 print(os.getpid(), sys.argv[1:], flush=True)
+node = rclpy.create_node("NAME")
 rclpy.spin(node)
 """
+WAIT = "\n!for i in $(seq 100); do taskrpc node list | grep -q server && break; done; sleep 0.5"
+"""Waits in a cell until `server.py` runs, so that the cell shows what it has printed."""
 
 
 def nodes(kernel):
@@ -234,10 +236,9 @@ def wait_for_end(process):
 def test_program_runs_in_the_background_until_it_is_started_again_or_stopped(kernel):
     kernel.good("notebook.lab(1)\n")
     kernel.good(PROGRAM.replace("NAME", "server").lstrip())
-    wait = "\n!for i in 1 2 3 4 5 6 7 8 9; do taskrpc node list | grep -q server && break; done"
-    first = program_ids(kernel.good(f"notebook.start('server.py', 1){wait}"))
+    first = program_ids(kernel.good(f"notebook.start('server.py', 1){WAIT}"))
     assert nodes(kernel) == ["/server"]
-    second = program_ids(kernel.good(f"notebook.start('server.py', 2){wait}"))
+    second = program_ids(kernel.good(f"notebook.start('server.py', 2){WAIT}"))
     wait_for_end(first[0])
     assert nodes(kernel) == ["/server"]
     kernel.good("notebook.stop('server.py')")
@@ -248,7 +249,7 @@ def test_program_runs_in_the_background_until_it_is_started_again_or_stopped(ker
 def test_program_ends_with_a_killed_kernel(kernel):
     kernel.good("notebook.lab(1)")
     kernel.good(PROGRAM.replace("NAME", "server").lstrip())
-    output = kernel.good("notebook.start('server.py')\nimport time\ntime.sleep(5)")
+    output = kernel.good(f"notebook.start('server.py'){WAIT}")
     [process] = program_ids(output)
     kernel.restart()
     wait_for_end(process)
@@ -258,7 +259,7 @@ def test_interrupt_ends_a_program_in_the_foreground_only(kernel):
     kernel.good("notebook.lab(1)")
     for name in ("server", "client"):
         kernel.good(PROGRAM.replace("NAME", name).lstrip())
-    server = program_ids(kernel.good("notebook.start('server.py')\nimport time\ntime.sleep(5)"))
+    server = program_ids(kernel.good(f"notebook.start('server.py'){WAIT}"))
     output = kernel.run("notebook.run('client.py', 2, 3)", interrupt_at="['2', '3']")
     [client] = [each for each in program_ids(output.text) if each not in server]
     assert "KeyboardInterrupt: the cell was interrupted while it waited" in output.error
