@@ -54,7 +54,7 @@ NOT_RUN = {
     "docs/how-to/grade-labs.md": 1,
     "docs/how-to/run-the-labs-in-a-browser.md": 2,
     "docs/how-to/paste-ros2-lines.md": 2,
-    "docs/how-to/work-in-a-notebook.md": 7,  # tests/notebooks runs them in a kernel
+    "docs/how-to/work-in-a-notebook.md": 8,  # tests/notebooks runs them in a kernel
     "docs/how-to/show-a-scene.md": 3,  # seconds of waiting
     "docs/how-to/take-a-program-to-a-robot.md": 1,
     "docs/how-to/use-rosbridge.md": 3,

@@ -315,11 +315,12 @@ def test_kernel_that_shows_a_robot_ends_quietly(kernel):
 
 def test_page_is_true(kernel):
     blocks = [block.text for block in read_page(PAGE).blocks if block.kind == "python"]
-    assert len(blocks) == 7
+    assert len(blocks) == 8
     printed = [kernel.good(text, f"cell {number}") for number, text in enumerate(blocks)]
     assert printed[2] == "5\n"
-    assert printed[4].endswith("Task queued: move\n")
-    assert printed[5:] == ["2\n", "4\n"]
+    assert printed[3] == "42\n"
+    assert printed[5].endswith("Task queued: move\n")
+    assert printed[6:] == ["2\n", "4\n"]
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the terminal's IPython is tried on POSIX only")
