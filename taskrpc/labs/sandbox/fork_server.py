@@ -45,22 +45,6 @@ class Report(msgspec.Struct, omit_defaults=True):
     code: int = 0
 
 
-def preload() -> None:
-    """Import what the programs of the labs import; starts no thread, so forking is safe."""
-    from importlib import import_module
-
-    from taskrpc.ros import hook
-
-    hook.install()
-    for name in (
-        *("rclpy", "rclpy.node", "rclpy.executors", "rclpy.callback_groups", "rclpy.action"),
-        *("rclpy.qos", "rclpy.parameter", "rclpy.duration", "rclpy.time"),
-        *("example_interfaces.srv", "std_srvs.srv", "std_msgs.msg"),
-        *("taskrpc.ros.runner", "taskrpc.transport.tcp.listening", "queue", "traceback", "random"),
-    ):
-        import_module(name)
-
-
 if sys.platform != "win32":
 
     def fork_server(base: Path) -> socket.socket:

@@ -151,7 +151,8 @@ class _Lock:
         self._lock = lock
         self.release = lock.release
         self.locked = lock.locked
-        self._at_fork_reinit = lock._at_fork_reinit
+        if sys.platform != "win32":
+            self._at_fork_reinit = lock._at_fork_reinit
 
     def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
         """Wait for the lock."""

@@ -25,7 +25,7 @@ from taskrpc.labs.grading import findings
 from taskrpc.labs.hidden import hidden_checks, with_checks
 from taskrpc.labs.lab import Check, Lab, NotMet
 from taskrpc.labs.report import About, Line, Result, Stopped
-from taskrpc.labs.sandbox import fork_server, linux, speed
+from taskrpc.labs.sandbox import child, fork_server, linux, speed
 from taskrpc.labs.sandbox.child_trial import child_trial
 from taskrpc.labs.sandbox.program import SpawnStarter, Starter
 from taskrpc.labs.starter import RECORD, read_record, starter_files
@@ -77,7 +77,7 @@ def main(text: str) -> int:
     if sys.platform == "win32":
         server = None
     else:
-        fork_server.preload()
+        child.preload()
         server = fork_server.fork_server(base)  # outside of `try`: programs leave through here
     linux.die_with_parent()
     try:
