@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import importlib
 import json
 import shlex
 import sys
@@ -20,6 +21,9 @@ from taskrpc.labs import catalogue
 from taskrpc.labs.grading import findings
 from taskrpc.labs.variants import Variant
 from taskrpc.transport import shared_endpoint
+
+_IMPORTED = ("taskrpc.rclpy", "taskrpc.rclpy.executors", "taskrpc.rclpy.node")
+"""What nearly every program imports; importing it in advance saves each first run seconds."""
 
 
 class Session:
@@ -48,6 +52,8 @@ class Session:
         FOLDER.mkdir(exist_ok=True)
         sys.path.insert(0, str(FOLDER))
         self._programs.install()
+        for module in _IMPORTED:
+            importlib.import_module(module)
         self.emit("ready", can_wait=self._programs.scheduler.can_wait)
 
     def ask(self, text: str) -> None:
