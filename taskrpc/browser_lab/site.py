@@ -21,7 +21,15 @@ from taskrpc.errors import TaskRpcError
 FOLDER = "browser-lab"
 """The name of the page's folder in a classroom bundle."""
 
-_OF_THE_LIVE_PAGE = ("dom.js", "map.js", "model.js", "style.css", "theme.js", "words.js")
+_OF_THE_LIVE_PAGE = (
+    "dom.js",
+    "map.js",
+    "model.js",
+    "style.css",
+    "theme.css",
+    "theme.js",
+    "words.js",
+)
 # No program of the tab uses these packages; without them, the page loads sooner.
 _LEFT_OUT = (
     "taskrpc/cli/",

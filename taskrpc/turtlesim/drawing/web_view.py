@@ -33,8 +33,8 @@ KEYS = frozenset((*DIRECTIONS, *HEADINGS, CANCEL))
 """The keys that the page may send: those of turtle_teleop_key, without `q`."""
 _MOST_KEYS = 20
 _START_TIMEOUT = 10.0
-_SHARED = ("/connection.js", "/dom.js", "/theme.js", "/words.js")
-"""The modules of the live page that this page uses too."""
+_SHARED = ("/connection.js", "/dom.js", "/theme.css", "/theme.js", "/words.js")
+"""The files of the live page that this page uses too."""
 
 
 class WebView:
