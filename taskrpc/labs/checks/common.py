@@ -11,12 +11,12 @@ from taskrpc.client import Client
 from taskrpc.labs.lab import NotMet
 from taskrpc.labs.trial import Program, Trial
 
-STARTED = 10.0
+STARTED = 20.0
 """Seconds that a program of a submission has to offer its service."""
 ANSWERED = 5.0
 """Seconds that a service of a submission has to answer."""
 _LOOK = 0.2  # seconds between two looks at the graph
-_OFFERS_ALL = 2.0  # seconds in which a program that offers a service offers all of them
+_OFFERS_ALL = 4.0  # seconds in which a program that offers a service offers all of them
 _OF_EVERY_NODE = re.compile(
     "/_|parameter|/get_type_description$|/get_logger_levels$|/set_logger_levels$"
 )
@@ -94,19 +94,22 @@ def remark(program: Program) -> str:
     return next((line for line in said if line.startswith("ROS 2 would ")), "")
 
 
-async def answer(client: Client[Any, Any], request: Any, what: str) -> Any:
+async def answer(
+    client: Client[Any, Any], request: Any, what: str, timeout: float = ANSWERED
+) -> Any:
     """Return the response to a request; raises NotMet, with the reason, if there is none.
 
     Args:
         what: the request in words: `a=2 b=3`.
+        timeout: the seconds that the service has to answer.
     """
     expected = f"a response of {client.service_name} to {what}"
     try:
-        return await client.call(request, timeout=ANSWERED)
+        return await client.call(request, timeout=timeout)
     except taskrpc.DeadlineExceeded:
         raise NotMet(
             expected,
-            f"there was none within {ANSWERED:g} s",
+            f"there was none within {timeout:g} s",
             "what does the callback wait for? Print a line before and after it",
         ) from None
     except taskrpc.HandlerFailed as error:

@@ -10,7 +10,7 @@ from typing import Any
 
 import srvgen
 from taskrpc.client import Client
-from taskrpc.labs.checks.common import answer, service_of
+from taskrpc.labs.checks.common import ANSWERED, answer, service_of
 from taskrpc.labs.lab import Check, Lab, NotMet
 from taskrpc.labs.trial import Program, Trial
 from taskrpc.labs.variants import Variant
@@ -99,7 +99,9 @@ class Desk:
         """Return the response to any request."""
         request = srvgen.load(_TYPE).Request(task_type=task_type, target=target, priority=priority)
         words = f"task_type={task_type} target={target} priority={priority}"
-        return await answer(self._client, request, words)
+        # Long enough to see that a server does its task before it responds.
+        patience = ANSWERED + self.work.seconds[self.longest]
+        return await answer(self._client, request, words, patience)
 
     async def accept(self, task_type: str, priority: int, target: str = "") -> Accepted:
         """Send a valid task; NotMet if the server refuses it."""
@@ -127,7 +129,7 @@ class Desk:
         if await self.program.wait_for_line(rf"Executing task {id}\b", _PATIENCE) is None:
             raise NotMet(
                 f"the worker to execute task {id}",
-                f"it did not, and executed {self.executed() or 'none'}",
+                f"it did not, and executed {self.executed() or 'none'}{self.error()}",
                 "who calls self.execute? Is the thread started, and does its loop go on for ever?",
             )
 
@@ -141,6 +143,11 @@ class Desk:
         found = (re.search(r"Task (-?\d+) completed", line) for line in self.program.output)
         return [int(one[1]) for one in found if one]
 
+    def error(self) -> str:
+        """Return in words the last exception that the server has printed; "" if there is none."""
+        errors = [line for line in self.program.output if re.match(r"\w+(Error|Exception)\b", line)]
+        return f"; it printed {errors[-1]}" if errors else ""
+
     async def all_executed(self, count: int, seconds: float) -> list[int]:
         """Return the ids in the order in which the server has begun this many tasks."""
         end = self._trial.time() + seconds + _PATIENCE
@@ -149,7 +156,7 @@ class Desk:
         if len(done := self.executed()) < count:
             raise NotMet(
                 f"the worker to execute {count} tasks",
-                f"it executed {len(done)}: {done}",
+                f"it executed {len(done)}: {done}{self.error()}",
                 "does the loop of the worker go on after a task?",
             )
         return done[:count]

@@ -61,7 +61,7 @@ async def test_program_without_a_service_is_reported(tmp_path):
 
     async with memory_trial(tmp_path, {"server.py": runs}) as trial:
         program = await trial.start("server.py")
-        with pytest.raises(NotMet, match="it runs, but offered no service within 10 s"):
+        with pytest.raises(NotMet, match="it runs, but offered no service within 20 s"):
             await service_of(trial, program, AddTwoInts, "/add")
 
 

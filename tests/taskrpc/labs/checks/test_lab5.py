@@ -1,8 +1,10 @@
 """What the checks of lab 5 say about orders and estimates."""
 
+from types import SimpleNamespace
+
 import pytest
 
-from taskrpc.labs.checks.lab5 import Accepted, expect_estimates, expect_order, work_of
+from taskrpc.labs.checks.lab5 import Accepted, Desk, expect_estimates, expect_order, work_of
 from taskrpc.labs.lab import NotMet
 from taskrpc.labs.variants import Variant
 
@@ -72,3 +74,15 @@ def test_types_of_a_variant_have_different_lengths(id):
     lengths = [work.seconds[name] for name in work.types]
     assert sorted(set(lengths), reverse=True) == lengths
     assert len(set(work.targets)) == 3
+
+
+@pytest.mark.parametrize(
+    ("output", "words"),
+    [
+        (["Executing task 1: move - dock"], ""),
+        (["  raise ValueError", "TypeError: x", "[INFO] ready"], "; it printed TypeError: x"),
+    ],
+)
+def test_an_exception_of_the_worker_is_shown(output, words):
+    trial = SimpleNamespace(variant=Variant())
+    assert Desk(trial, SimpleNamespace(output=output), None).error() == words
