@@ -17,6 +17,11 @@ from taskrpc.observer import Connections
 from taskrpc.web.calls import AccountCalls
 
 
+RECENT = 60.0
+"""Seconds after a call for which a student counts as connected: a command such as `taskrpc-call`
+has a connection only while it calls."""
+
+
 class LiveClass:
     """Returns the students of a class when it is called.
 
@@ -61,7 +66,7 @@ class LiveClass:
                     "name": written.get(name, name),
                     "last_seen": calls.last if calls else self._earlier.get(name),
                     "calls": calls.calls if calls else 0,
-                    "connected": signs.connected,
+                    "connected": signs.connected or _called_recently(calls, now),
                     "queued": queued[name],
                     "progress": progress(signs, now),
                     "begun": signs.begun,
@@ -84,6 +89,10 @@ class LiveClass:
             return Signs(is_connected, self._seen.get(name), self._seen.get(name))
         begun = min(calls.first, self._seen.get(name, calls.first))
         return Signs(is_connected, begun, calls.last, calls.succeeded)
+
+
+def _called_recently(calls: AccountCalls | None, now: float) -> bool:
+    return calls is not None and now - calls.last < RECENT
 
 
 def _problem(

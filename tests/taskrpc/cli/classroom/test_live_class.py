@@ -37,11 +37,11 @@ def test_students_have_their_names_calls_connections_and_queued_tasks(register):
         calls,
         connected("ada"),
         queued=lambda: [accounts[1], "another", accounts[1]],
-        wall_clock=lambda: 1250.0,
+        wall_clock=lambda: 1300.0,
     )
     nothing = {"last_seen": None, "calls": 0, "queued": 0, "problem": None}
     assert shown == [
-        nothing | {"name": "ada", "connected": True, "progress": "new", "begun": 1250.0},
+        nothing | {"name": "ada", "connected": True, "progress": "new", "begun": 1300.0},
         {
             "name": "José",
             "last_seen": 1234.5,
@@ -54,6 +54,13 @@ def test_students_have_their_names_calls_connections_and_queued_tasks(register):
         },
         nothing | {"name": "grace", "connected": False, "progress": "away", "begun": None},
     ]
+
+
+def test_student_who_types_commands_counts_as_connected_for_a_minute_after_each(register):
+    calls = {"ada": AccountCalls(1, 1000.0, 1000.0, 1)}
+    times = iter([1059.0, 1060.0])
+    live = LiveClass(register.folder, calls, connected(), wall_clock=lambda: next(times))
+    assert [live()[0]["connected"], live()[0]["connected"]] == [True, False]
 
 
 def test_student_without_a_successful_call_is_stuck_after_two_minutes(register):
