@@ -112,7 +112,8 @@ def _more(contents: Contents) -> Iterator[str]:
         how = (
             f"<code>jupyter notebook {contents.notebooks}</code>, in the window of the installation"
             if contents.jupyter
-            else "open them with your own Jupyter or VS Code"
+            else "they need Jupyter, which is not in this folder:"
+            " <code>pip install notebook</code>, with the internet"
         )
         yield f'<a href="{contents.notebooks}/">Notebooks</a>: {how}.'
     if contents.browser_lab:

@@ -47,6 +47,9 @@ _TAG = "py3-none-any"
 # The installer writes these files; they describe one installation.
 _NOT_IN_A_WHEEL = {"RECORD", "INSTALLER", "REQUESTED", "direct_url.json"}
 
+_FULL = ("No space left on device", "not enough space on the disk")
+"""What Linux and macOS, and what Windows say about a full disk."""
+
 Pip = Callable[[Sequence[str], str], None]
 """Runs pip with arguments; the text names the purpose in errors. Raises TaskRpcError."""
 
@@ -195,16 +198,11 @@ def run_pip(arguments: Sequence[str], what: str) -> None:
             "this Python has no pip to download the wheels; install it:"
             f" {sys.executable} -m ensurepip"
         )
+    if any(text in done.stderr for text in _FULL):
+        raise TaskRpcError(f"{what}: no space is left for the files: use a larger stick or disk")
     errors = [line for line in done.stderr.splitlines() if line.startswith("ERROR: ")]
     reason = (errors or done.stderr.splitlines() or ["pip gave no reason"])[-1]
-    raise TaskRpcError(
-        f"{what}: pip failed ({reason.removeprefix('ERROR: ')}){_advice(arguments, done.stderr)}"
-    )
-
-
-def _advice(arguments: Sequence[str], said: str) -> str:
-    if "No space left on device" in said or "not enough space on the disk" in said:
-        return "; the folder needs more free space"
+    advice = "this computer needs the internet to make the folder, the laptops do not"
     if arguments[0] == "install":
-        return "; make the folder again with `taskrpc classroom bundle`"
-    return "; this computer needs the internet to make the folder, the laptops do not"
+        advice = "make the folder again with `taskrpc classroom bundle`"
+    raise TaskRpcError(f"{what}: pip failed ({reason.removeprefix('ERROR: ')}); {advice}")

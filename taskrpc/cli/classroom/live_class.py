@@ -16,7 +16,6 @@ from taskrpc.classroom.register import Register
 from taskrpc.observer import Connections
 from taskrpc.web.calls import AccountCalls
 
-
 RECENT = 60.0
 """Seconds after a call for which a student counts as connected: a command such as `taskrpc-call`
 has a connection only while it calls."""

@@ -161,10 +161,8 @@ def failing_pip(monkeypatch, stderr):
         ),
         (
             "download",
-            "ERROR: Could not install packages due to an OSError: [Errno 28] No space left on"
-            " device\n",
-            "W: pip failed (Could not install packages due to an OSError: [Errno 28] No space left"
-            " on device); the folder needs more free space",
+            "ERROR: Exception:\nTraceback ...\nOSError: [Errno 28] No space left on device\n",
+            "W: no space is left for the files: use a larger stick or disk",
         ),
         (
             "install",
