@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import inspect
 import logging
 import math
 import time
@@ -123,6 +124,10 @@ class ActionServer:
     ) -> None:
         _check_settings(concurrency, result_timeout)
         check_callback(execute, f"the callback of {action_name}", ("a goal",))
+        if accept_goal is not None:
+            check_callback(accept_goal, f"`goal=` of {action_name}", ("a request",))
+        if accept_cancel is not None:
+            check_callback(accept_cancel, f"`cancel=` of {action_name}", ("a goal",))
         names.check_unexpanded(action_name, "action name")
         self.action_type = action_type
         self.action_name = node.resolve_service_name(action_name)
@@ -302,8 +307,7 @@ class ActionServer:
         if self._accept_goal is None:
             return True, None
         try:
-            answer = self._accept_goal(request)
-            return bool(answer if isinstance(answer, bool) else await answer), None
+            return await _decision("goal", self._accept_goal(request)), None
         except asyncio.CancelledError:
             raise
         except Exception as error:
@@ -348,8 +352,7 @@ class ActionServer:
         if self._accept_cancel is None:
             return True
         try:
-            answer = self._accept_cancel(goal)
-            return bool(answer if isinstance(answer, bool) else await answer)
+            return await _decision("cancel", self._accept_cancel(goal))
         except asyncio.CancelledError:
             raise
         except Exception as error:
@@ -535,6 +538,15 @@ class ActionServer:
 
 def _nothing() -> None:
     """Prepare nothing: the callback of a goal has no call context."""
+
+
+async def _decision(name: str, answer: object) -> bool:
+    """The answer of a function of the program that accepts or refuses; it may be a coroutine."""
+    if inspect.isawaitable(answer):
+        answer = await answer
+    if answer is None:
+        raise TypeError(f"`{name}=`: expected a function that returns True or False, got None")
+    return bool(answer)
 
 
 def _check_settings(concurrency: int, result_timeout: float) -> None:

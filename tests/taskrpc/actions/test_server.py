@@ -210,6 +210,23 @@ async def test_an_accepting_callback_that_raises_rejects_the_goal(caplog):
     assert "secret" in caplog.text
 
 
+@pytest.mark.parametrize("is_async", [False, True])
+async def test_a_missing_return_of_a_deciding_function_is_explained(caplog, is_async):
+    async def nothing(_):
+        """Return no decision."""
+
+    decide = nothing if is_async else lambda _: None
+    async with programs(Sleeper(), goal=decide) as (_, _, client):
+        with pytest.raises(taskrpc.GoalRejected):
+            await client.send_goal(order(1))
+    async with programs(Sleeper(), cancel=decide) as (_, _, client):
+        handle = await client.send_goal(order(1))
+        assert not await handle.cancel()
+    for name in ("goal", "cancel"):
+        expected = f"`{name}=`: expected a function that returns True or False, got None"
+        assert expected in caplog.text
+
+
 async def test_the_reason_of_a_rejection_is_logged(caplog):
     def accept(goal):
         raise taskrpc.HandlerError("OUT_OF_RANGE", "at most 20 numbers")
@@ -419,6 +436,10 @@ async def test_wrong_settings_are_refused_with_what_was_expected():
             create(Trigger, "a", echo)
         with pytest.raises(TypeError, match="the callback of a: expected a function that takes"):
             create(Fibonacci, "a", lambda: None)
+        with pytest.raises(TypeError, match="`goal=` of a: expected a function that takes a r"):
+            create(Fibonacci, "a", echo, goal=True)
+        with pytest.raises(TypeError, match="`cancel=` of a: expected a function that takes a g"):
+            create(Fibonacci, "a", echo, cancel=lambda: True)
         with pytest.raises(ValueError, match="concurrency: expected at least 1, got 0"):
             create(Fibonacci, "a", echo, concurrency=0)
         with pytest.raises(ValueError, match="result_timeout: expected seconds from 0, got -1"):
