@@ -1,7 +1,8 @@
 """Programs that are started with all their descendants, and that leave none of them behind.
 
 POSIX: each program gets a process group of its own, and signals go to the group. Windows: each
-program gets a console group, and a job object ends everything that is left with this process.
+program gets a console group. If this process is killed, a job object of Windows ends its programs,
+or a guard: a shell that reads the numbers of the groups from this process until its end.
 """
 
 from __future__ import annotations
@@ -75,6 +76,7 @@ class ProcessTree:
                 partial(_Terminal, program, number), os.fdopen(descriptor, "rb", 0)
             )
             tree._transports.append(opened)
+        _tell_guard("+", program.pid)
         loop.call_soon(program.begin)  # the caller gets the tree before the output
         return tree
 
@@ -106,6 +108,8 @@ class ProcessTree:
         finally:
             for each in self._transports:
                 each.close()
+        if not self.has_processes():
+            _tell_guard("-", self.pid)
         assert program.returncode is not None
         return program.returncode
 
@@ -150,9 +154,11 @@ class ProcessTree:
             self.send_signal(signal.SIGCONT)  # a stopped process handles no signal
         for _ in range(int(_LAST_WAIT / _POLL)):
             if not self.has_processes():
-                return
+                break
             await asyncio.sleep(_POLL)
-        self.kill()
+        else:
+            self.kill()
+        _tell_guard("-", self.pid)
 
 
 class _Program(asyncio.SubprocessProtocol):
@@ -270,7 +276,57 @@ if sys.platform == "win32":
         kernel.SetInformationJobObject(job, 9, ctypes.byref(limits), ctypes.sizeof(limits))
         kernel.AssignProcessToJobObject(job, ctypes.c_void_p(kernel.GetCurrentProcess()))
 
+    def _tell_guard(change: str, group: int) -> None:
+        """Do nothing: the job object knows the processes."""
+
 else:
+    _GUARD = """
+trap '' INT TERM HUP QUIT
+groups=
+while read -r change group; do
+    kept=
+    for each in $groups; do
+        [ "$each" = "-$group" ] || kept="$kept $each"
+    done
+    groups=$kept
+    [ "$change" = - ] || groups="$groups -$group"
+done
+for name in INT TERM KILL; do
+    found=
+    for each in $groups; do
+        kill -s $name -- $each 2>/dev/null && found=1
+    done
+    [ -n "$found" ] || exit
+    sleep 2
+done
+"""
+    """Reads `+ GROUP` and `- GROUP`, and ends the remaining groups after the end of its input."""
+    _guard: list[int] = []
+    """The descriptor to which the changes are written, while there is a guard."""
 
     def end_children_with_this_process() -> None:
-        """Do nothing: on POSIX, `ProcessTree` ends groups of processes."""
+        """Let a guard end all programs that start from now on if this process is killed."""
+        if _guard:
+            return
+        reading, writing = os.pipe()
+        try:
+            os.posix_spawn(
+                "/bin/sh",
+                ["sh", "-c", _GUARD],
+                os.environ,
+                file_actions=[
+                    (os.POSIX_SPAWN_DUP2, reading, 0),
+                    # It must not keep this process's output open.
+                    *((os.POSIX_SPAWN_OPEN, each, os.devnull, os.O_WRONLY, 0) for each in (1, 2)),
+                ],
+                setpgroup=0,
+            )
+        finally:
+            os.close(reading)
+        _guard.append(writing)
+
+    def _tell_guard(change: str, group: int) -> None:
+        """Tell the guard that a group of processes begins (`+`) or has ended (`-`)."""
+        for descriptor in _guard:
+            with contextlib.suppress(OSError):
+                os.write(descriptor, f"{change} {group}\n".encode())

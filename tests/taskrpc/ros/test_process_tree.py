@@ -3,6 +3,7 @@
 import asyncio
 import os
 import signal
+import subprocess
 import sys
 import time
 
@@ -74,6 +75,42 @@ async def test_caller_gets_the_tree_before_the_output():
         await tree.wait()
         assert order[0] == "started"
         assert set(order[1:]) == {"output"}  # in one piece or more
+
+
+LAUNCH = """
+import asyncio, sys
+from taskrpc.ros.process_tree import ProcessTree, end_children_with_this_process
+end_children_with_this_process()
+async def main():
+    said = asyncio.Event()
+    ended = await ProcessTree.start([sys.executable, "-c", ""], print)
+    await ended.wait()
+    await ProcessTree.start([sys.executable, "-c", sys.argv[1]], lambda *_: said.set())
+    await said.wait()
+    print("started", flush=True)
+    await asyncio.sleep(600)
+asyncio.run(main())
+"""
+WAITS = """
+import sys, time
+print("running", flush=True)
+try:
+    time.sleep(600)
+except KeyboardInterrupt:
+    open({path!r}, "w").close()
+"""
+
+
+async def test_programs_end_if_the_process_that_started_them_is_killed(tmp_path):
+    path = tmp_path / "ended"
+    command = [sys.executable, "-c", LAUNCH, WAITS.format(path=str(path))]
+    with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
+        process.stdout.readline()
+        process.kill()
+    if sys.platform != "win32":  # there the program does not learn that it ends
+        async with asyncio.timeout(60):
+            while not path.exists():
+                await asyncio.sleep(0.01)
 
 
 async def test_missing_program_raises_and_leaves_no_file_open():
