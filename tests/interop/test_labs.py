@@ -129,14 +129,14 @@ def test_lab_3_calls_one_after_another_and_at_the_same_time(programs_of):
 
 def test_lab_4_repeats_a_lost_task_which_runs_once(programs_of):
     programs = programs_of(4)
-    with programs.start("robot.py", "2") as robot:
+    with programs.start("robot.py", "1") as robot:
         assert "ready" in robot.stdout.readline()
         lines = programs.output("client.py", "warehouse", "dock")
         told = interrupted(robot)
     answered = [line for line in lines if "the robot is at" in line]
     assert answered == [f"{name}: the robot is at {name}" for name in ("warehouse", "dock")]
     assert re.findall(r"I move to (\w+)", told) == ["warehouse", "dock"]
-    assert told.count("I know this request_id") == 2
+    assert told.count("I know this request_id") >= 1  # more if ROS loses a response as well
 
 
 def test_lab_4_gives_up(programs_of):
@@ -145,7 +145,8 @@ def test_lab_4_gives_up(programs_of):
         assert "ready" in robot.stdout.readline()
         lines = programs.output("client.py", "warehouse")
         received = interrupted(robot).count("my response gets lost")
-    assert received in (3, 4)  # ROS loses a request for which it has not found the server yet
+    assert 1 <= received <= 4  # ROS loses requests as long as it has not found the server
+    assert len([line for line in lines if "of 4: no response" in line]) == 4
     assert lines[-1] == "warehouse: no response"
     assert len([line for line in lines if "[ERROR]" in line]) == 1
 
