@@ -7,7 +7,9 @@ import math
 
 import pytest
 
+from taskrpc.cli.shared.page_link import noted_links
 from tests.browser.chromium import PHONE
+from tests.browser.live_page import LivePage
 
 SLOW = ("--speed", "0.05")
 """The robot works so slowly that no task ends during a test."""
@@ -189,3 +191,19 @@ def test_nodes_are_shown_with_their_services(page):
 def test_empty_page_shows_a_command_to_try(start_server, open_page):
     page = open_page(start_server())
     page.tab.wait(lambda: "taskrpc-call /robot_task" in page.tab.text("#queue_empty"), "a command")
+
+
+def test_page_of_the_second_robot_shows_and_drives_only_this_robot(start_server, services, tabs):
+    server = start_server(*SLOW, "--robots", "2")
+    services.submit()
+    links = {link.service: link for link in noted_links()}
+    page = LivePage(tabs.open(links["/robot2/robot_task"].control_link)).is_live()
+    assert "/robot2/robot_task at " in page.tab.text("#title")
+    assert page.shown().running is None
+    page.tab.find("#submit_target").send_keys("central")
+    page.tab.click("#submit")
+    page.tab.wait(lambda: page.shown().running is not None, "the task of the second robot")
+    assert page.shown().running[1] == "move central"
+    first = LivePage(tabs.open(links["/robot_task"].control_link)).is_live()
+    assert first.agrees(services, until=lambda shown: shown.running).running[1] == "move warehouse"
+    assert server.process.poll() is None
