@@ -12,7 +12,9 @@ _CLIENT = "the reset"  # by which the tasks are cancelled, as their messages say
 
 
 async def end_all(manager: TaskManager) -> Sequence[Task]:
-    """Pause the queue, cancel all its tasks and the running one; return all remembered tasks.
+    """Pause the queue, cancel all its tasks and the running one; return all ended tasks.
+
+    Tasks that arrive meanwhile stay in the queue: they belong to the next group.
 
     Raises:
         StoreError: a task could not be stored; some tasks may be cancelled already.
@@ -24,7 +26,7 @@ async def end_all(manager: TaskManager) -> Sequence[Task]:
     await asyncio.gather(*(manager.cancel(task_id, client=_CLIENT) for task_id in known))
     interrupted = [*manager.repository.interrupted]
     await asyncio.gather(*(manager.drop(task_id, client=_CLIENT) for task_id in interrupted))
-    return sorted(manager.repository.tasks(), key=lambda task: task.task_id)
+    return sorted(manager.repository.ended(), key=lambda task: task.task_id)
 
 
 async def begin_again(manager: TaskManager) -> str:

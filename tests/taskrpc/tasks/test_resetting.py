@@ -106,3 +106,13 @@ async def test_robot_that_executes_a_task_is_not_moved(manager):
     pose = manager.pose()
     assert "the robot executes a task" in manager.reset_robot()
     assert manager.pose() == pose
+
+
+async def test_task_that_arrives_during_the_reset_belongs_to_the_next_group(manager):
+    await submit(manager, "warehouse", "central")
+    ending = asyncio.ensure_future(end_all(manager))
+    await asyncio.sleep(0)
+    await submit(manager, "area_a")
+    assert [task.task_id for task in await ending] == [1, 2]
+    await begin_again(manager)
+    assert [task.task_id for task in manager.repository.tasks()] == [3]
