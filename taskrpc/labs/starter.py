@@ -62,7 +62,7 @@ def read_record(folder: Path) -> tuple[int, str] | None:
         return int(found["lab"]), str(found["variant"])
     except FileNotFoundError:
         return None
-    except (ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
         raise TaskRpcError(
             f'{path} is damaged ({error}); expected {{"lab": 1, "variant": ""}}: write it anew'
         ) from None

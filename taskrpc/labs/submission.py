@@ -41,7 +41,7 @@ class _Copy:
         if self.count > MOST_FILES:
             raise TaskRpcError(
                 f"expected a submission of at most {MOST_FILES} files, got more:"
-                " hand in the files of the lab alone"
+                " keep the files of the lab in a folder of their own"
             )
         path = self.target.joinpath(*parts)
         try:
@@ -143,7 +143,7 @@ def _walk(
             if number > MOST_FILES:
                 raise TaskRpcError(
                     f"expected a submission of at most {MOST_FILES} files, got more:"
-                    " hand in the files of the lab alone"
+                    " keep the files of the lab in a folder of their own"
                 )
             if entry.name.startswith(".") or entry.name in _IGNORED:
                 continue
@@ -187,5 +187,5 @@ def _take_zip(source: Path, copy: _Copy) -> None:
 def _too_large() -> TaskRpcError:
     return TaskRpcError(
         f"expected a submission of at most {LARGEST // 2**20} MB, got more:"
-        " hand in the files of the lab alone"
+        " keep the files of the lab in a folder of their own"
     )

@@ -52,7 +52,6 @@ _SYSTEM = (
     "/usr",
     "/lib",
     "/lib64",
-    "/opt",
     "/dev/null",
     "/dev/urandom",
     "/dev/random",

@@ -27,6 +27,7 @@ from taskrpc.labs.lab import Check, Lab, NotMet
 from taskrpc.labs.report import About, Line, Result, Stopped
 from taskrpc.labs.sandbox import child, fork_server, linux, speed
 from taskrpc.labs.sandbox.child_trial import child_trial
+from taskrpc.labs.sandbox.limits import MEGABYTE, Limits, limit_this_process
 from taskrpc.labs.sandbox.program import SpawnStarter, Starter
 from taskrpc.labs.starter import RECORD, read_record, starter_files
 from taskrpc.labs.submission import find_root, remove, take
@@ -35,13 +36,15 @@ from taskrpc.labs.variants import Variant
 from taskrpc.ros.process_tree import end_children_with_this_process
 from taskrpc.transport.tcp.tcp_network import TcpNetwork
 
+_OWN = Limits(cpu=120, memory=2048 * MEGABYTE, file=100 * MEGABYTE, open_files=1024)
+"""The limits of this process, in case a submission sends it far too much."""
 _CHECK_LIMIT = 30.0
 """Real seconds of one check: far more than any needs, since each of its waits has a timeout."""
 _BUSY = 0.05
 """Real seconds that a timer of this process may be late before time passes too fast."""
 _BEAT = 0.02
 _SLOWER = 2.0
-_LONGEST = 2000
+_LONGEST = 1000
 """Most characters of a message."""
 _LONGEST_ID = 200
 _LONGEST_FOLDER = 30
@@ -77,6 +80,7 @@ def main(text: str) -> int:
     if sys.platform == "win32":
         server = None
     else:
+        limit_this_process(_OWN)
         child.preload()
         server = fork_server.fork_server(base)  # outside of `try`: programs leave through here
     linux.die_with_parent()

@@ -32,8 +32,11 @@ def test_files_of_a_student_are_never_overwritten(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["client.py"]
 
 
-def test_damaged_record_is_named(tmp_path):
-    (tmp_path / "taskrpc-lab.json").write_text("{")
+@pytest.mark.parametrize(
+    "text", ["{", "[]", "1", '{"lab": 1}', '{"lab": 1e999, "variant": ""}', "[" * 100_000]
+)
+def test_damaged_record_is_named(text, tmp_path):
+    (tmp_path / "taskrpc-lab.json").write_text(text)
     with pytest.raises(TaskRpcError, match=r"taskrpc-lab\.json is damaged .* write it anew"):
         read_record(tmp_path)
 
