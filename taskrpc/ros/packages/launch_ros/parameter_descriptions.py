@@ -132,9 +132,9 @@ def value_of(context: Any, name: str, value: Any) -> Any:
     if isinstance(value, (str, os.PathLike)) or hasattr(value, "perform"):
         return _of_text(name, perform(context, value))
     if not isinstance(value, Iterable):
+        what = f"parameter {name}" if name else "the value of a parameter"
         raise TypeError(
-            f"parameter {name}: expected a number, a truth value, a text or a list of these,"
-            f" got {value!r}"
+            f"{what}: expected a number, a truth value, a text or a list of these, got {value!r}"
         )
     items = list(value)
     if any(hasattr(each, "perform") for each in items):

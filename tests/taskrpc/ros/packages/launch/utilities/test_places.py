@@ -48,6 +48,7 @@ def problem(launch, play, tmp_path):
         ("Node(executable='a', remappings=[('/b',)])", "remappings: expected pairs of an old"),
         ("Node(executable='a', remappings=('b', 'c'))", "remappings: expected pairs of an old"),
         ("Node(executable='a', parameters=[{'b': print}])", "parameter b: expected a number, a"),
+        ("SetParameter('b', print)", "the value of a parameter: expected a number, a truth"),
         ("Node(executable='a', name='b c')", "Node: Invalid node name: node name must not"),
     ],
 )
