@@ -153,6 +153,9 @@ def comment_repair(code: str) -> Repair | None:
 
 def constant_name_hint(name: str, type_text: str, value: str) -> str:
     """A hint for an invalid constant name, or ""; `value` is the valid value."""
+    bounded = name.removesuffix("<").rstrip()
+    if name.endswith("<") and type_text in ("string", "wstring") and is_field_name(bounded):
+        return f"a bound belongs to the type: {type_text}<={value} {bounded}"
     if " " in name:
         return "a line with '=' is read as a constant, even if the '=' is in quotes"
     value = value or _EXAMPLE_VALUES.get(type_text, "0")

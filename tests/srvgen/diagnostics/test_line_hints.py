@@ -25,6 +25,8 @@ from tests.srvgen.diagnostics.test_line_errors import problems_of
             "constants are in capitals: int32 A=3; a field's default has no '='",
         ),
         ("float32 x = 1.0f", 9, "constants are in capitals: float32 X=1.0; a field's default"),
+        ("string target<=20", 8, "a bound belongs to the type: string<=20 target"),
+        ("string target <= 20", 8, "a bound belongs to the type: string<=20 target"),
         ("int32 X=", 9, "the value is missing"),
         ("int32 = 3", 7, "the name is missing: int32 NAME=3"),
         ("int32 A = 3;", 11, "did you mean 3?"),
