@@ -137,7 +137,8 @@ def _make(options: argparse.Namespace) -> Exit:
         accounts = register.add(names, time.time() + options.days * _DAY)
     if options.serve is None and options.web is None:
         _print_strings(register, accounts)
-        print("start the server: taskrpc classroom --serve", file=sys.stderr)
+        port = f" --port {options.port}" if options.port else ""
+        print(f"start the server: taskrpc classroom{port} --web --serve", file=sys.stderr)
         print("for laptops without taskrpc: taskrpc classroom bundle DIR", file=sys.stderr)
         return Exit.DONE
     # Students may see this screen in class, and each student's string is a secret. So print only

@@ -102,6 +102,12 @@ def test_existing_join_strings_are_not_shown_when_the_server_starts(make, monkey
     assert [argv[-2:] == ["--speed", "2"] for argv in served] == [True, False, False]
 
 
+def test_line_that_starts_the_server_has_the_port_of_the_join_strings(capsys):
+    assert main(["classroom", "--address", "192.0.2.7", "--port", "7461"]) == 0
+    line = "start the server: taskrpc classroom --port 7461 --web --serve\n"
+    assert line in capsys.readouterr().err
+
+
 def test_the_certificate_stays_until_it_is_renewed(make):
     first, again, renewed = (
         from_join_string(make(*argv)[0]).fingerprint for argv in ((), (), ("--renew",))
