@@ -16,6 +16,7 @@ from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
 from taskrpc.errors import TaskRpcError
+from taskrpc.labs.starter import RECORD, read_record
 
 LARGEST = 20 * 2**20
 """Most bytes of a submission."""
@@ -81,6 +82,29 @@ def take(source: Path, target: Path) -> list[str]:
     except OSError as error:
         raise TaskRpcError(f"cannot read {error.filename or source}: {error.strerror}") from None
     return copy.left_out
+
+
+def find_lab(folder: Path, wanted: int | None) -> Path:
+    """Return the wanted one of the labs in a submission, or all of a submission with one lab.
+
+    Raises TaskRpcError if there are several labs, and not exactly one of them is wanted.
+    """
+    places = sorted(each.parent for each in folder.rglob(RECORD))
+    if len(places) < 2 or folder in places:
+        return folder
+    records = [(place, read_record(place)) for place in places]
+    labs = [(record[0], place) for place, record in records if record]
+    found = [place for number, place in labs if number == wanted]
+    if len(found) == 1:
+        return found[0]
+    names = ", ".join(
+        f"lab {number} in {place.relative_to(folder).as_posix()}" for number, place in labs
+    )
+    what = "a lab" if wanted is None else f"lab {wanted}"
+    raise TaskRpcError(
+        f"expected one folder of {what}, got {names}: name the lab, such as `taskrpc lab check 1`,"
+        " or change to its folder"
+    )
 
 
 def find_root(folder: Path, names: Iterable[str]) -> Path:

@@ -30,7 +30,7 @@ from taskrpc.labs.sandbox.child_trial import child_trial
 from taskrpc.labs.sandbox.limits import MEGABYTE, Limits, limit_this_process
 from taskrpc.labs.sandbox.program import SpawnStarter, Starter
 from taskrpc.labs.starter import RECORD, read_record, starter_files
-from taskrpc.labs.submission import find_root, remove, take
+from taskrpc.labs.submission import find_lab, find_root, remove, take
 from taskrpc.labs.trial import Trial
 from taskrpc.labs.variants import Variant
 from taskrpc.ros.process_tree import end_children_with_this_process
@@ -112,10 +112,11 @@ async def _graded(
 ) -> None:
     taken = base / "taken"
     notes = take(Path(request.source), taken)
-    record = read_record(find_root(taken, [RECORD]))
+    part = find_lab(taken, request.lab)
+    record = read_record(find_root(part, [RECORD]))
     number, id = _identity(request, record)
     lab, variant = catalogue.lab(number), Variant(id)
-    root = find_root(taken, [RECORD, *lab.files])
+    root = find_root(part, [RECORD, *lab.files])
     report(About(number, id, _digest(lab, variant, root), tuple(notes)))
     shown = len(lab.checks)
     if request.hidden is not None:

@@ -9,7 +9,8 @@ import pytest
 
 from taskrpc import TaskRpcError
 from taskrpc.labs import submission
-from taskrpc.labs.submission import find_root, remove, take
+from taskrpc.labs.starter import RECORD
+from taskrpc.labs.submission import find_lab, find_root, remove, take
 
 
 def names(folder):
@@ -108,6 +109,30 @@ def test_files_may_be_in_a_folder_of_the_zip_file(tmp_path):
 def test_of_several_folders_none_is_chosen(tmp_path):
     take(zipped(tmp_path / "a.zip", **{"a/server.py": "", "b/server.py": ""}), tmp_path / "copy")
     assert find_root(tmp_path / "copy", ["server.py"]) == tmp_path / "copy"
+
+
+def labs(folder, **numbers):
+    for name, number in numbers.items():
+        (folder / name).mkdir(parents=True)
+        (folder / name / RECORD).write_text(f'{{"lab": {number}, "variant": ""}}')
+
+
+def test_of_several_labs_the_wanted_one_is_checked(tmp_path):
+    labs(tmp_path, first=1, second=2)
+    assert find_lab(tmp_path, 2) == tmp_path / "second"
+
+
+def test_a_submission_with_one_lab_is_taken_as_it_is(tmp_path):
+    labs(tmp_path, ada=1)
+    assert find_lab(tmp_path, None) == find_lab(tmp_path, 2) == tmp_path
+
+
+@pytest.mark.parametrize(("wanted", "what"), [(None, "a lab"), (3, "lab 3"), (2, "lab 2")])
+def test_several_labs_are_named_if_none_can_be_chosen(tmp_path, wanted, what):
+    labs(tmp_path, old=2, one=1, two=2)
+    expected = f"expected one folder of {what}, got lab 2 in old, lab 1 in one, lab 2 in two: name"
+    with pytest.raises(TaskRpcError, match=expected):
+        find_lab(tmp_path, wanted)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such deep folders")
