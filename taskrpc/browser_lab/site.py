@@ -35,6 +35,7 @@ _LEFT_OUT = (
     "taskrpc/cli/",
     "taskrpc/colcon/",
     "taskrpc/graduation/",
+    "taskrpc/notebook/",
     "taskrpc/browser_lab/static/",
 )
 
