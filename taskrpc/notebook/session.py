@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import sys
+import sysconfig
 from functools import cache
 from pathlib import Path
 from shutil import which
@@ -120,7 +121,7 @@ def _is_error(value: object) -> bool:
 
 def _find_commands() -> None:
     """Let `!taskrpc` in a cell run the command of this environment, which may not be active."""
-    folder = str(Path(sys.executable).parent)
+    folder = sysconfig.get_path("scripts")
     command = which("taskrpc", path=folder)
     if command is not None and which("taskrpc") != command:
         os.environ["PATH"] = os.pathsep.join([folder, os.environ.get("PATH", os.defpath)])
