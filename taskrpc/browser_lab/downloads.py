@@ -81,7 +81,7 @@ def runtime(folder: Path | None, report: Report, fetch: Fetch | None = None) -> 
     Args:
         folder: has the archives, or is a page that `site.write_site` has written; None means the
             cache of this user, into which missing archives are downloaded.
-        report: is called before each download.
+        report: is called with the name and size of each file before its download.
         fetch: replaces the download in tests.
 
     Raises:
@@ -122,7 +122,7 @@ def _from_cache(archive: Archive, cache: Path, report: Report, fetch: Fetch) -> 
 
 
 def _fetched(archive: Archive, report: Report, fetch: Fetch) -> bytes:
-    report(f"downloading {archive.name} ({archive.size / 1e6:.1f} MB)")
+    report(f"{archive.name} ({archive.size / 1e6:.1f} MB)")
     try:
         data = fetch(archive)
     except OSError as error:

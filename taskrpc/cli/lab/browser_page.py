@@ -24,7 +24,8 @@ def view(options: argparse.Namespace) -> int:
             " `taskrpc lab start N` starts the other labs, outside of the browser"
         )
     folder = None if options.pyodide is None else Path(options.pyodide)
-    files = site_files(runtime(folder, _report), options.variant or "")
+    archives = runtime(folder, lambda file: _report(f"downloading {file}"))
+    files = site_files(archives, options.variant or "")
     with LabServer(files, PORT if options.port is None else options.port) as server:
         link = server.url if options.lab == 1 else f"{server.url}?lab={options.lab}"
         if options.no_browser or not webbrowser.open(link):

@@ -34,6 +34,16 @@ def test_the_link_is_printed_without_a_browser(capsys):
     assert capsys.readouterr().out.startswith("http://127.0.0.1:")
 
 
+def test_a_download_is_named_with_its_size(monkeypatch, capsys):
+    def runtime(folder, report):
+        report("pyodide.tgz (6.5 MB)")
+        return {}
+
+    monkeypatch.setattr(browser_page, "runtime", runtime)
+    main(["view", "--lab", "--port", "0", "--no-browser"])
+    assert capsys.readouterr().err.startswith("downloading pyodide.tgz (6.5 MB)\n")
+
+
 def test_a_missing_download_is_one_line(monkeypatch, capsys):
     def runtime(folder, report):
         raise TaskRpcError("it cannot be downloaded")
