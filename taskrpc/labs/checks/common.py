@@ -116,7 +116,7 @@ async def answer(
         raise NotMet(
             expected,
             f"the callback failed: {error}",
-            "the server prints the failed line: run it, and call it with these values",
+            "start the server and call it with these values: it prints the line that failed",
         ) from None
     except taskrpc.TaskRpcError as error:
         raise NotMet(expected, f"the call failed: {error}", "does the server still run?") from None
