@@ -118,7 +118,12 @@ class TcpNetwork:
         tls = self._server_tls
         # Bound at once, so that the address can be announced before the next turn of the loop.
         # Connections that arrive earlier wait in the kernel's backlog.
-        sock = bound(host, port)
+        try:
+            sock = bound(host, port)
+        except CannotListen as error:
+            if port:
+                error.add_note("if another program has this port, `taskrpc ps` may show it: end it")
+            raise
         self._listener = Listener(sock, factory, tls.context if tls else lambda: None)
         return join_place(*sock.getsockname()[:2])
 

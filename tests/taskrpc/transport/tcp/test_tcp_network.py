@@ -162,8 +162,10 @@ def test_addresses_are_read():
 async def test_a_port_in_use_is_one_sentence(unused_tcp_port):
     place = f"127.0.0.1:{unused_tcp_port}"
     async with offering(listen=place), taskrpc.Node("second", listen=place, token="x") as second:
-        with pytest.raises(taskrpc.CannotListen, match=f"cannot listen at {place}: Address alr"):
+        with pytest.raises(taskrpc.CannotListen, match=f"cannot listen at {place}: A") as told:
             second.create_service(Add, "other", add)
+        assert str(told.value).endswith(": Address already in use")
+        assert "`taskrpc ps`" in told.value.__notes__[0]
         assert second.address == ""
 
 
