@@ -28,7 +28,7 @@ def configure(parser: ArgumentParser) -> None:
     parser.add_argument("--all", metavar="FOLDER", help=what)
     what = "with --all: write a table to this file (default: to standard output)"
     parser.add_argument("--csv", metavar="FILE", nargs="?", const="-", help=what)
-    what = "with --all: how many to check at the same time (default: the number of processors)"
+    what = "with --all: how many to check at the same time (default: two for each processor)"
     parser.add_argument("--jobs", type=int, metavar="N", help=what)
     what = "print the results.json of Gradescope"
     parser.add_argument("--json", action="store_true", help=what)
@@ -121,7 +121,7 @@ async def _graded(options: Namespace, sources: list[Path]) -> list[Graded]:
     from taskrpc.labs import report
     from taskrpc.labs.grader import grade_all
 
-    jobs = options.jobs or os.cpu_count() or 1
+    jobs = options.jobs or 2 * (os.cpu_count() or 1)  # most of their time is waiting
     graded: list[Graded] = []
     # Progress is not part of a table on standard output.
     stream = sys.stdout if options.csv is None else sys.stderr
