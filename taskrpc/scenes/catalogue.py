@@ -10,7 +10,7 @@ SCENES: tuple[Scene, ...] = (
         name="lost-reply",
         title="The response is lost",
         sees="The caller gets no response, and the robot drives all the same.",
-        ros="The same. ROS 2 has no request ids: a request needs a field for one.",
+        ros="No response. ROS 2 has no request ids: a request needs a field for one.",
         why="The request has arrived, and the response is lost. The caller cannot distinguish"
         " this from a lost request.",
         cure="Send the request again with the same request id. The server recognises it, and"
@@ -24,7 +24,7 @@ SCENES: tuple[Scene, ...] = (
         name="late-answer",
         title="The response is late",
         sees="After 1 s the program reports a failure. Then the response arrives.",
-        ros="The same: the timeout ends spin_until_future_complete, not the call.",
+        ros="The response is late: a timeout ends the spinning, not the call.",
         why="A timeout ends the wait, not the call. The server does not know that the caller"
         " has stopped waiting, and the robot executes the task.",
         cure="After a timeout, say that the result is unknown. Keep the future, and look again.",
@@ -37,7 +37,7 @@ SCENES: tuple[Scene, ...] = (
         name="retry-without-id",
         title="A retry runs the task twice",
         sees="The user wanted one task, and the robot executes two.",
-        ros="The same: each attempt is a new request.",
+        ros="Two tasks: each attempt is a new request.",
         why="Only the response was lost. The lecture's retry sends a new request, and the server"
         " cannot know that it is the same task.",
         cure="Give all attempts one request id. The server executes the first one, and answers"
@@ -51,7 +51,7 @@ SCENES: tuple[Scene, ...] = (
         name="timeout-too-short",
         title="The timeout is too short",
         sees="Both attempts time out, and the robot executes two tasks.",
-        ros="The same: each request is executed, also if the caller does not wait.",
+        ros="Two tasks: each request is executed, also if the caller does not wait.",
         why="The server needs 1 s, and the caller waits for 0.4 s. Nothing is lost: each attempt"
         " adds work to a server that is slow already.",
         cure="Measure how long the server takes, and wait two to five times as long.",

@@ -35,6 +35,10 @@ def test_explanation_says_what_both_systems_do():
     assert like_ros[1] == f"You see   {DEADLOCK.ros}"
 
 
+def test_what_ros_2_does_can_stand_alone():
+    assert not [each.name for each in SCENES if each.ros.startswith("The same")]
+
+
 def test_lines_have_colours_only_on_request():
     plain = Screen().moment(Moment(0.0, "robot", "executes task 1"))
     coloured = Screen(coloured=True).moment(Moment(0.0, "robot", "executes task 1"))
