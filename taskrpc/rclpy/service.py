@@ -204,9 +204,9 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
                 raise TypeError
             problem = f"the callback of {self._full_name} returned {_what(response)}"
             if response is None:
-                problem += f"; is `return response` (a {expected.__name__}) missing at its end?"
+                problem += f"; is `return response` ({expected.__name__}) missing at its end?"
             else:
-                problem += f", expected a {expected.__name__}"
+                problem += f", expected {expected.__name__}"
             explain.invalid_response(self._full_name, problem)
             call.fail(HandlerFailed(Code.INTERNAL, problem))
             raise TypeError(problem)

@@ -30,7 +30,7 @@ def called(world, callback, **settings):
     ("answer", "text"),
     [
         (None, "returned nothing; is `return response`"),
-        (3, "returned a value of the type int, expected a AddTwoInts_Response"),
+        (3, "returned a value of the type int, expected AddTwoInts_Response"),
         (AddTwoInts.Response, "returned the class AddTwoInts_Response, expected a"),
         (Request(), "returned a value of the type AddTwoInts_Request, expected a"),
     ],

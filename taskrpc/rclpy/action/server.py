@@ -372,9 +372,9 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         if value is None or is_class or not all(hasattr(value, name) for name in fields):
             problem = f"the execute callback of {self._action_name} returned {describe(value)}"
             if value is None:
-                problem += f"; is `return result` (a {expected.__name__}) missing at its end?"
+                problem += f"; is `return result` ({expected.__name__}) missing at its end?"
             else:
-                problem += f", expected a {expected.__name__}"
+                problem += f", expected {expected.__name__}"
             raise TypeError(problem)
         result = expected()
         for name in fields:

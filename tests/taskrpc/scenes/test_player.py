@@ -45,7 +45,7 @@ PROBLEMS = {
 EXPLANATIONS = {
     "deadlock": "ROS 2 would hang here for ever",
     "nobody-spins": "no thread spins /operator",
-    "forgot-return": "is `return response` (a AddTwoInts_Response) missing at its end?",
+    "forgot-return": "is `return response` (AddTwoInts_Response) missing at its end?",
     "wrong-type": "/robot_task is offered as my_robot_interfaces/srv/RobotTask",
     "two-servers": "ROS 2 would let both servers of /move_arm run every request",
     "eleven-calls": "ROS 2 would drop the oldest of more than 10 requests",
