@@ -61,7 +61,7 @@ class ChildTrial:
                 "`taskrpc lab start` wrote it; save your program under this name",
             )
         _check_syntax(path, file)
-        program = ChildProgram(self._folder)
+        program = ChildProgram(self._place)
         start = Start(file, arguments, str(self._place), speed.speed(), speed.wall_clock())
         await program.run(self._starter, start)
         self._programs.append(program)

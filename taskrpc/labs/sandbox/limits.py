@@ -18,7 +18,7 @@ class Limits:
         file: bytes of one file that it writes; not on Windows.
         open_files: files and sockets that are open at the same time; not on Windows.
         output: bytes that it may write to both standard streams.
-        folder: bytes of all files in its folder.
+        folder: bytes of all files in its folders, the temporary one too.
         files: number of files and folders there.
     """
 

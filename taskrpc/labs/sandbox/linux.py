@@ -21,11 +21,14 @@ _PR_SET_PDEATHSIG, _PR_SET_SECCOMP, _PR_SET_CHILD_SUBREAPER, _PR_SET_NO_NEW_PRIV
 _CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
 _READ = 1 | 4 | 8  # execute and read files, list folders
 _FILE = 1 | 2 | 4 | 1 << 14 | 1 << 15  # the rights that concern files alone
+_DEVICES = 1 << 6 | 1 << 10 | 1 << 11  # make devices and named pipes
 _HANDLED = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1, 5: (1 << 16) - 1}
 """The rights of files that each version of Landlock knows."""
 
 _ALLOW, _KILL, _EPERM, _ENOSYS = 0x7FFF0000, 0x80000000, 0x00050001, 0x00050026
 _LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x06  # BPF
+_AND = 0x54
+_SHARED_WITHOUT_FILE = 0x21  # MAP_SHARED and MAP_ANONYMOUS
 _CLONE_THREAD = 0x10000
 _AF_UNIX = 1
 _SIGKILL = 9
@@ -78,10 +81,21 @@ _FORBIDDEN = {
     "shmget": (29, 194),
     "msgget": (68, 186),
     "semget": (64, 190),
+    # The memory of these files is no data of the process, so no limit counts it.
+    "memfd_create": (319, 279),
+    "memfd_secret": (447, 447),
+    # Root could make a disk a file of its folder, or take the processors from the checks.
+    "mknod": (133, -1),
+    "mknodat": (259, 33),
+    "setpriority": (141, 140),
+    "sched_setscheduler": (144, 119),
+    "sched_setparam": (142, 118),
+    "sched_setattr": (314, 274),
 }
 _CLONE, _CLONE3 = (56, 220), (435, 435)
 _KILL_CALLS = ((62, 129), (200, 130), (234, 131))  # kill, tkill, tgkill
 _SOCKET = (41, 198)
+_MMAP = (9, 222)
 _PRLIMIT = (302, 261)
 _PRCTL = (157, 167)
 
@@ -114,6 +128,8 @@ def can_confine() -> bool:
 
 def forbid_system_calls() -> bool:
     """Forbid new processes, sockets other than Unix's, signals to others, and administration.
+
+    Also memory without a limit, and files that are devices or named pipes.
 
     Returns whether the system accepted that. Threads that run already are not concerned.
     """
@@ -149,7 +165,7 @@ def limit_files(readable: Iterable[Path], writable: Iterable[Path]) -> bool:
         for path in readable:
             _allow(rules, path, _READ)
         for path in writable:
-            _allow(rules, path, handled)
+            _allow(rules, path, handled & ~_DEVICES)
         _prctl(_PR_SET_NO_NEW_PRIVS, 1)
         return bool(_libc.syscall(_RESTRICT_SELF, rules, 0) == 0)
     finally:
@@ -204,6 +220,9 @@ def _program(column: int, architecture: int, pid: int) -> bytes:
     for numbers in _KILL_CALLS:
         about(numbers[column], checked(0, _EQUAL, pid))
     about(_SOCKET[column], checked(0, _EQUAL, _AF_UNIX))
+    flags = [(_LOAD, 0, 0, 16 + 8 * 3), (_AND, 0, 0, _SHARED_WITHOUT_FILE)]
+    shared = [(_EQUAL, 0, 1, _SHARED_WITHOUT_FILE), (_RETURN, 0, 0, _EPERM)]
+    about(_MMAP[column], [*flags, *shared, (_RETURN, 0, 0, _ALLOW)])
     no_new_limit = [(_LOAD, 0, 0, 16 + 16 + 4), (_EQUAL, 1, 0, 0), (_RETURN, 0, 0, _EPERM)]
     about(_PRLIMIT[column], [*no_new_limit, *checked(2, _EQUAL, 0)])
     death = [(_LOAD, 0, 0, 16), (_EQUAL, 0, 1, _PR_SET_PDEATHSIG), (_RETURN, 0, 0, _EPERM)]

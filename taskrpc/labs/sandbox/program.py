@@ -59,6 +59,7 @@ class ChildProgram:
     """A `trial.Program` in a process of its own."""
 
     def __init__(self, folder: Path) -> None:
+        """`folder` contains all folders that the program may change."""
         self._folder = folder
         self._lines: list[str] = []
         self._rest = {1: b"", 2: b""}
@@ -153,7 +154,7 @@ class ChildProgram:
             size, count = usage(self._folder, LIMITS.files)
             if size > LIMITS.folder or count > LIMITS.files:
                 self._end_at_once(
-                    f"its folder has more than {LIMITS.folder // MEGABYTE} MB"
+                    f"its folders have more than {LIMITS.folder // MEGABYTE} MB"
                     f" or {LIMITS.files} files"
                 )
                 return

@@ -51,3 +51,18 @@ except KeyboardInterrupt:
         await program.interrupt()
         assert await program.finished(10) == 7
         assert trial.time() > before
+
+
+@pytest.mark.labs
+async def test_a_program_that_fills_its_temporary_folder_is_ended(tmp_path):
+    code = """
+import tempfile, time
+for _ in range(6):
+    tempfile.NamedTemporaryFile(delete=False).write(bytes(9 * 2**20))
+time.sleep(600)
+"""
+    (tmp_path / "server.py").write_text(code)
+    async with child_trial(tmp_path, Variant()) as trial:
+        program = await trial.start("server.py")
+        assert await program.finished(30) is not None
+        assert "its folders have more than 50 MB" in program.output[-1]

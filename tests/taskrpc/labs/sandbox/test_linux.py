@@ -15,7 +15,7 @@ pytestmark = [
 ]
 
 START = """
-import errno, os, signal, socket, resource, sys, threading, ctypes, _posixsubprocess
+import errno, mmap, os, signal, socket, resource, sys, threading, ctypes, _posixsubprocess
 from pathlib import Path
 from taskrpc.labs.sandbox import linux
 
@@ -51,6 +51,12 @@ def run(code, *arguments):
         "socket.socket(socket.AF_INET6, socket.SOCK_DGRAM)",
         "resource.setrlimit(resource.RLIMIT_NOFILE, (9, 9))",
         "resource.prlimit(0, resource.RLIMIT_NOFILE, (9, 9))",
+        "mmap.mmap(-1, 4096)",
+        "os.memfd_create('memory')",
+        "os.mknod('/tmp/taskrpc-disk', 0o60600, os.makedev(8, 0))",
+        "os.mkfifo('/tmp/taskrpc-pipe')",
+        "os.nice(-1)",
+        "os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))",
     ],
 )
 def test_system_call_is_refused(action):
@@ -66,6 +72,7 @@ def test_what_programs_need_still_works():
         thread.join()
         socket.socketpair()[0].close()
         os.kill(os.getpid(), 0)
+        mmap.mmap(-1, 4096, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS).close()
         resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.prlimit(0, resource.RLIMIT_NOFILE)
         signal.signal(signal.SIGUSR1, lambda *_: print("a signal"))

@@ -74,7 +74,7 @@ async def test_a_program_with_too_many_files_is_ended(tmp_path, monkeypatch):
     _, child = await started(tmp_path)
     monkeypatch.setattr(program, "usage", lambda folder, most: (0, most + 1))
     assert await child.finished(5) == -9
-    assert "its folder has more than 50 MB or 2000 files" in child.output[-1]
+    assert "its folders have more than 50 MB or 2000 files" in child.output[-1]
     await child.kill()
 
 
