@@ -112,7 +112,7 @@ class RecordingWriter:
         self, name: str, type_name: str, schema: str, *, type_hash: str = "", qos: QoS | None = None
     ) -> int:
         """Add a topic of CDR messages; returns the number for `write`."""
-        metadata = {_QOS: _qos_text(qos or QoS()), "topic_type_hash": type_hash}
+        metadata = {_QOS: qos_text(qos or QoS()), "topic_type_hash": type_hash}
         return self._add_channel(name, CDR, self._schema(type_name, schema), metadata)
 
     def add_json_topic(self, name: str) -> int:
@@ -426,11 +426,11 @@ def _topic(channel: records.Channel, schema: tuple[records.Schema, str] | None) 
         channel.message_encoding,
         schema[0].encoding if schema is not None else "",
         schema[1] if schema is not None else "",
-        _qos_from(channel.metadata.get(_QOS, "")),
+        qos_from(channel.metadata.get(_QOS, "")),
     )
 
 
-def _qos_text(qos: QoS) -> str:
+def qos_text(qos: QoS) -> str:
     """Return a QoS as rosbag2 stores it."""
     return (
         f"- history: keep_last\n  depth: {qos.depth}\n  reliability: {qos.reliability}\n"
@@ -444,7 +444,7 @@ _RELIABILITY = {"1": "reliable", "2": "best_effort"}
 _DURABILITY = {"1": "transient_local", "2": "volatile"}
 
 
-def _qos_from(text: str) -> QoS:
+def qos_from(text: str) -> QoS:
     """Return the first QoS of a text of rosbag2, with the default for what it does not say."""
     import yaml
 

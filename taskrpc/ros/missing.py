@@ -26,7 +26,6 @@ _MOVEIT = "MoveIt runs only on a real ROS 2; taskrpc has its interfaces, in `mov
 _GAZEBO = "Gazebo runs only on a real ROS 2; taskrpc has its interfaces, in `ros_gz_interfaces`"
 _WEBOTS = "Webots' launcher runs only on a real ROS 2"
 _XACRO = "PyPI has it; run pip install xacro"
-_BAGS = "use `taskrpc bag` to read and convert recordings"
 
 _PYTHON = {
     **dict.fromkeys("launch_testing launch_testing_ros launch_pytest".split(), _TESTS),
@@ -38,7 +37,6 @@ _PYTHON = {
     **dict.fromkeys("gazebo_ros ros_gz_bridge ros_gz_sim".split(), _GAZEBO),
     "webots_ros2_driver": _WEBOTS,
     "xacro": _XACRO,
-    "rosbag2_py": _BAGS,
     **dict.fromkeys("ros2cli ros2node ros2param ros2pkg ros2service ros2topic".split(), _COMMANDS),
     **dict.fromkeys(
         "ament_copyright ament_flake8 ament_lint ament_mypy ament_pep257 ament_xmllint".split(),

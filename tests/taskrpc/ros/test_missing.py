@@ -39,7 +39,6 @@ def hooked(tmp_path, monkeypatch):
         ("nav2_simple_commander", "Nav2 runs only on a real ROS 2"),
         ("turtlebot4_navigation.turtlebot4_navigator", "Nav2 runs only on a real ROS 2"),
         ("moveit.planning", "MoveIt runs only on a real ROS 2"),
-        ("rosbag2_py", "`taskrpc bag` "),
         ("graph_msgs.msg", "put its folder (with graph_msgs/srv, graph_msgs/msg) beside"),
         (
             "velodyne_msgs.msg",
