@@ -160,7 +160,7 @@ def _missing(
             yield NotMet(
                 f"{each.name} to be {_in_words(each)}",
                 f"line {own[each.name].line} is `{_line(own[each.name])}`",
-                "the sheet shows how a bound, a default and a constant are written",
+                "read its step; the sheet shows how bounds, defaults and constants are written",
             )
 
 
