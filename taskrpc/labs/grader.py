@@ -28,11 +28,15 @@ OnResult = Callable[[Result], None]
 
 
 async def grade(request: Request, student: str, on_result: OnResult = lambda _: None) -> Graded:
-    """Grade one submission. Raises TaskRpcError if `request` itself is wrong."""
+    """Grade one submission; an error of `on_result` ends the checks at once.
+
+    Raises TaskRpcError if `request` itself is wrong, and what `on_result` raises.
+    """
     began = time.monotonic()
     lines: list[Line] = []
     rest = b""
     errors = b""
+    failures: list[Exception] = []
 
     def written(stream: int, data: bytes) -> None:
         nonlocal rest, errors
@@ -43,8 +47,12 @@ async def grade(request: Request, student: str, on_result: OnResult = lambda _: 
         for each in complete:
             line = msgspec.json.decode(each, type=Line)
             lines.append(line)
-            if isinstance(line, Result):
-                on_result(line)
+            if isinstance(line, Result) and not failures:
+                try:
+                    on_result(line)
+                except Exception as error:  # nobody reads the output any more, for example
+                    failures.append(error)
+                    tree.kill()
 
     command = boot.command("worker", msgspec.json.encode(request).decode())
     tree = await ProcessTree.start(command, written, env=system_environment())
@@ -62,6 +70,8 @@ async def grade(request: Request, student: str, on_result: OnResult = lambda _: 
         tree.kill()
         with contextlib.suppress(asyncio.CancelledError):
             await asyncio.shield(tree.wait())
+    if failures:
+        raise failures[0]
     stopped = next((each.reason for each in lines if isinstance(each, Stopped)), stopped)
     about = next((each for each in lines if isinstance(each, About)), None)
     results = tuple(each for each in lines if isinstance(each, Result))
@@ -93,7 +103,8 @@ def submissions(folder: Path) -> list[Path]:
     found = [
         each
         for each in found
-        if not each.is_symlink() and (each.is_dir() or each.suffix.lower() == ".zip")
+        if not each.is_symlink()
+        and (each.is_dir() or (each.is_file() and each.suffix.lower() == ".zip"))
     ]
     if not found:
         raise TaskRpcError(f"--all: expected a folder or .zip file for each student in {folder}")

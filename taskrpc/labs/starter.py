@@ -59,7 +59,9 @@ def read_record(folder: Path) -> tuple[int, str] | None:
     path = folder / RECORD
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        return int(found["lab"]), str(found["variant"])
+        id = str(found["variant"])
+        id.encode()  # JSON can contain halves of characters, which no text can
+        return int(found["lab"]), id
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:

@@ -75,7 +75,7 @@ def take(source: Path, target: Path) -> list[str]:
     try:
         if source.is_dir():
             _take_folder(source, copy)
-        elif source.suffix.lower() == ".zip":
+        elif source.suffix.lower() == ".zip" and (source.is_file() or not source.exists()):
             _take_zip(source, copy)
         else:
             raise TaskRpcError(f"expected a folder or a .zip file with a submission, got {source}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import sys
-from argparse import ArgumentParser, Namespace
+from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 
 from taskrpc.cli.shared.command import Exit, UsageError
@@ -16,12 +16,21 @@ if TYPE_CHECKING:
     from taskrpc.labs.sandbox.worker import Request
 
 
+def variant_id(text: str) -> str:
+    """Return the value of --variant. Raises ArgumentTypeError if it is no text."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ArgumentTypeError(f"expected text in UTF-8, got {text!r}") from None
+    return text
+
+
 def configure(parser: ArgumentParser) -> None:
     """Give the parser of `taskrpc lab check` its arguments."""
     what = "the lab, 1 to 6; the default is the lab that was started in this folder"
     parser.add_argument("number", type=int, metavar="N", nargs="?", help=what)
     what = "check for this student or group (default: as in `taskrpc lab start`)"
-    parser.add_argument("--variant", metavar="ID", help=what)
+    parser.add_argument("--variant", metavar="ID", type=variant_id, help=what)
     what = "a folder with further checks of the lecturer: labN/hidden.py"
     parser.add_argument("--hidden", metavar="FOLDER", help=what)
     what = "check all submissions in this folder: one folder or .zip file for each student"
@@ -103,11 +112,13 @@ def _check_all(options: Namespace) -> Exit:
     if options.csv in (None, "-"):
         graded = asyncio.run(_graded(options, sources))
     else:
-        # Opened first: a table that cannot be written is no news after minutes. The mark at its
-        # begin tells spreadsheets that it is UTF-8.
-        with Path(options.csv).open("w", encoding="utf-8-sig", newline="") as table:
+        # Opened first: a table that cannot be written is no news after minutes. Ctrl-C leaves the
+        # former table as it was.
+        table = Path(options.csv)
+        with table.open("a"):
             graded = asyncio.run(_graded(options, sources))
-            table.write(report.as_csv(graded))
+        # The mark at the begin tells spreadsheets that it is UTF-8.
+        table.write_text(report.as_csv(graded), encoding="utf-8-sig", newline="")
     if options.csv == "-":
         print(report.as_csv(graded), end="")
     for one, remark in zip(graded, report.remarks(graded), strict=True):

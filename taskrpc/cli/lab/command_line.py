@@ -6,6 +6,7 @@ from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 from taskrpc.cli.lab.check import configure as configure_check
+from taskrpc.cli.lab.check import variant_id
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.parsing import add_command, add_group
 
@@ -16,7 +17,7 @@ def configure(parser: ArgumentParser) -> None:
     start = add_command(commands, "start", "Write the starter files of a lab into this folder")
     start.add_argument("number", type=int, metavar="N", help="the lab, 1 to 6")
     what = "a name or a number that gives this student a lab of their own, such as an account"
-    start.add_argument("--variant", metavar="ID", default="", help=what)
+    start.add_argument("--variant", metavar="ID", type=variant_id, default="", help=what)
     start.set_defaults(run=_start)
     check = add_command(commands, "check", "Check the lab in this folder, and explain what fails")
     configure_check(check)

@@ -46,7 +46,7 @@ class HeldService:
         self.received: list[Pair] = []
         """The requests, in the order in which they came."""
         self.most_in_flight = 0
-        self.sums = {pair: trial.unpredictable(10_000, 99_999) for pair in _pairs(trial.variant)}
+        self.sums = {pair: trial.unpredictable(10**6, 10**7 - 1) for pair in _pairs(trial.variant)}
         self._in_flight = 0
         self._news = asyncio.Event()
         self._released: dict[Pair, asyncio.Event] = {pair: asyncio.Event() for pair in self.sums}

@@ -95,7 +95,7 @@ class Robot:
         self._late = late
         self._accepts = accepts
         self._fails = fails
-        self._number = trial.unpredictable(1000, 9999)
+        self._number = trial.unpredictable(10**6, 10**7 - 1)
         self._known: set[str] = set()
         self._arrived = asyncio.Event()
 

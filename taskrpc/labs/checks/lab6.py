@@ -155,7 +155,7 @@ async def _mission(client: Client[Any, Any], planner: Program, called: Sequence[
 
 async def _console_works(trial: Trial) -> None:
     name = _robot(trial.variant)
-    number = trial.unpredictable(1000, 9999)
+    number = trial.unpredictable(10**6, 10**7 - 1)
     called: list[str] = []
 
     async def light(request: Any, response: Any) -> Any:

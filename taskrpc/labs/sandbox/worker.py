@@ -76,12 +76,14 @@ def main(text: str) -> int:
     output = os.dup(1)
     os.dup2(2, 1)
     os.set_inheritable(output, False)
+    if sys.platform != "win32":
+        limit_this_process(_OWN)
+        child.preload()
+    # As late as possible: until the fork server is there, nobody removes it after a kill.
     base = Path(tempfile.mkdtemp(prefix="taskrpc-lab-", dir=_short_folder()))
     if sys.platform == "win32":
         server = None
     else:
-        limit_this_process(_OWN)
-        child.preload()
         server = fork_server.fork_server(base)  # outside of `try`: programs leave through here
     linux.die_with_parent()
     try:

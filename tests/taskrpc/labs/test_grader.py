@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from taskrpc import TaskRpcError
-from taskrpc.labs import grader
+from taskrpc.labs import catalogue, grader
 from taskrpc.labs.report import About, Graded, Result
 from taskrpc.labs.sandbox.worker import Request
 from taskrpc.labs.starter import write_starter
@@ -21,6 +21,20 @@ labs = [pytest.mark.labs, pytest.mark.real_time]
 
 def graded(request, student):
     return Graded(student, About(1, ""), (Result("adds", 1, True),), 1, "", 0.1)
+
+
+@pytest.mark.labs
+@pytest.mark.real_time
+async def test_checks_end_at_once_if_nobody_reads_their_results(tmp_path):
+    def on_result(result):
+        seen.append(result)
+        raise BrokenPipeError
+
+    seen = []
+    write_starter(catalogue.lab(1), Variant(), tmp_path)
+    with pytest.raises(BrokenPipeError):
+        await grader.grade(Request(str(tmp_path)), "ada", on_result)
+    assert len(seen) == 1
 
 
 @pytest.fixture

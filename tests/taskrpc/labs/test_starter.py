@@ -33,7 +33,11 @@ def test_files_of_a_student_are_never_overwritten(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["{", "[]", "1", '{"lab": 1}', '{"lab": 1e999, "variant": ""}', "[" * 100_000]
+    "text",
+    [
+        *("{", "[]", "1", '{"lab": 1}', '{"lab": 1e999, "variant": ""}', "[" * 100_000),
+        '{"lab": 1, "variant": "\\ud800"}',
+    ],
 )
 def test_damaged_record_is_named(text, tmp_path):
     (tmp_path / "taskrpc-lab.json").write_text(text)

@@ -51,6 +51,13 @@ def test_links_and_pipes_are_left_out(tmp_path):
     assert len(names(tmp_path / "copy")) == 1
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="needs named pipes")
+def test_a_named_pipe_is_no_zip_file(tmp_path):
+    os.mkfifo(tmp_path / "ada.zip")
+    with pytest.raises(TaskRpcError, match=r"expected a folder or a \.zip file"):
+        take(tmp_path / "ada.zip", tmp_path / "taken")
+
+
 def test_a_large_file_is_refused_without_reading_it(tmp_path):
     (tmp_path / "ada").mkdir()
     with (tmp_path / "ada" / "video.mp4").open("wb") as file:

@@ -70,6 +70,17 @@ def test_all_submissions_become_a_table(graded, capsys):
     assert "3/3" in captured.err
 
 
+def test_ctrl_c_leaves_a_former_table(graded, monkeypatch):
+    def grade_all(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(grader, "grade_all", grade_all)
+    table = graded / "points.csv"
+    table.write_text("former")
+    assert main(["lab", "check", "--all", str(graded / "class"), "--csv", str(table)]) == 130
+    assert table.read_text() == "former"
+
+
 def test_a_table_on_standard_output_is_not_mixed_with_progress(graded, capsys):
     assert main(["lab", "check", "--all", str(graded / "class"), "--csv"]) == 0
     assert capsys.readouterr().out.startswith("student,lab,variant,points,max,the server adds")
@@ -86,6 +97,7 @@ def test_a_table_on_standard_output_is_not_mixed_with_progress(graded, capsys):
         (["--all", ".", "--jobs", "0"], "--jobs: expected a number of at least 1, got 0"),
         (["--all", "nowhere"], "--all: expected a folder with the submissions"),
         (["--hidden", "nowhere"], "--hidden: expected a folder"),
+        (["--variant", "\udcff"], "--variant: expected text in UTF-8, got '\\udcff'"),
     ],
 )
 def test_arguments_that_do_not_fit_are_named(capsys, arguments, words):

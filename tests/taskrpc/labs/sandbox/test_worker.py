@@ -169,6 +169,25 @@ async def test_program_cannot_fool_the_grader(tmp_path, server):
     assert not results["the server adds"].passed
 
 
+@pytest.mark.parametrize(
+    ("client", "title"),
+    [
+        ("sys.stdout.write(' '.join(map(str, range(10_000, 100_000))))", "prints the response"),
+        ("os.remove('client.py'); os.mkfifo('client.py')", ""),
+    ],
+    ids=["prints many numbers", "replaces its file by a pipe"],
+)
+async def test_client_cannot_fool_the_grader(tmp_path, client, title):
+    submission(1, solution_of(1), tmp_path / "ada", Variant())
+    path = tmp_path / "ada" / "client.py"
+    quiet = path.read_text().replace("print(", "str(") if title else path.read_text()
+    path.write_text(f"import os, sys\n{client}\n{quiet}")
+    found = await grade(Request(str(tmp_path / "ada")), "ada")
+    assert found.stopped == ""
+    failed = [each.title for each in found.results if not each.passed]
+    assert failed[0].endswith(title)
+
+
 async def test_the_reason_of_an_end_is_told(tmp_path):
     results = await graded(tmp_path, STOPPERS["floods its output"])
     happened = results["the server offers the service"].happened
