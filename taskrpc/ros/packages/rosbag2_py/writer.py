@@ -38,7 +38,7 @@ class SequentialWriter:
         if storage_options.storage_id not in ("", "mcap"):
             raise RuntimeError(
                 f"expected storage_id='mcap', got {storage_options.storage_id!r}: taskrpc writes"
-                " bags only as MCAP, which `ros2 bag` and Foxglove read too"
+                " bags only as MCAP, the format of ROS 2 Jazzy"
             )
         formats = {
             converter_options.input_serialization_format,
