@@ -31,8 +31,8 @@ def called(world, callback, **settings):
     [
         (None, "returned nothing; is `return response`"),
         (3, "returned a value of the type int, expected AddTwoInts_Response"),
-        (AddTwoInts.Response, "returned the class AddTwoInts_Response, expected a"),
-        (Request(), "returned a value of the type AddTwoInts_Request, expected a"),
+        (AddTwoInts.Response, "returned the class AddTwoInts_Response, expected AddTwoInts"),
+        (Request(), "returned a value of the type AddTwoInts_Request, expected AddTwoInts"),
     ],
 )
 def test_wrong_response_type_raises_for_server_and_caller(world, answer, text):
