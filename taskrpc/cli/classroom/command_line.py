@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _PORT = 7450
 _DAYS = 180
+_MOST_STUDENTS = 1000
 _MOST_DAYS = 36_500
 _SHARE = 20  # queued tasks of one laptop
 _DAY = 86_400
@@ -181,9 +182,10 @@ def _make_certificates(register: Register, place: Place) -> None:
 def _students(given: str) -> list[str]:
     """Return the names in a file, or generated names for a number of students."""
     if given.isdecimal():
-        count = whole(1)(given) if int(given) else 0
-        if not count:
-            raise TaskRpcError("--students: expected at least one")
+        count = int(given) if len(given) <= len(str(_MOST_STUDENTS)) else _MOST_STUDENTS + 1
+        if not 1 <= count <= _MOST_STUDENTS:
+            problem = f"expected a number from 1 to {_MOST_STUDENTS}, got {given[:20]}"
+            raise TaskRpcError(f"--students: {problem}")
         return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
     from taskrpc import platform
     from taskrpc.classroom.register import cleaned, student_name_problem
@@ -266,6 +268,8 @@ def _reset(options: argparse.Namespace) -> Exit:
     register = _register()
     assert register.place  # raises TaskRpcError if there is no class
     names = _students(options.students) if options.students else None
+    if options.db and not Path(options.db).exists():
+        raise TaskRpcError(f"--db: expected the database of the class, got {options.db}: no file")
     if not confirmed(options):
         print("nothing is changed", file=sys.stderr)
         return Exit.ERROR

@@ -142,7 +142,9 @@ def test_machine_without_a_network_is_reported(say, monkeypatch):
     ("argv", "code", "message"),
     [
         (("--students", "none.txt"), 1, "--students none.txt: No such file or directory"),
-        (("--students", "0"), 1, "--students: expected at least one"),
+        (("--students", "0"), 1, "--students: expected a number from 1 to 1000, got 0"),
+        (("--students", "1001"), 1, "--students: expected a number from 1 to 1000, got 1001"),
+        (("--students", "9" * 5000), 1, "--students: expected a number from 1 to 1000, got 99"),
         (
             ("--address", "10.0.0.1:7450"),
             2,

@@ -146,6 +146,13 @@ def test_every_robot_of_the_class_is_reset(monkeypatch, services, found):
     assert reset._running() == found
 
 
+def test_a_database_that_does_not_exist_is_named(register, capsys):
+    assert main(["classroom", "reset", "--yes", "--db", "none.db"]) == 1
+    assert (
+        "--db: expected the database of the class, got none.db: no file" in capsys.readouterr().err
+    )
+
+
 def test_server_without_a_class_is_named(register, monkeypatch, capsys):
     offer(monkeypatch, ["/robot_task"])
     assert main(["classroom", "reset", "--yes"]) == 1
