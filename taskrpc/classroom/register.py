@@ -176,10 +176,18 @@ class Register:
     @property
     def robots(self) -> int:
         """The number of the class's robots; 1 before there is a class."""
+        return 1 if (place := self._known_place()) is None else place.robots
+
+    @property
+    def port(self) -> int | None:
+        """The port of the class's server; None before there is a class."""
+        return None if (place := self._known_place()) is None else place.port
+
+    def _known_place(self) -> Place | None:
         try:
-            return self.place.robots
+            return self.place
         except TaskRpcError:
-            return 1
+            return None
 
     def robot_of(self, account: str) -> str:
         """Return the namespace of a student's robot: `/`, `/robot2` and so on, in turn."""

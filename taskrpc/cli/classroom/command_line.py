@@ -35,7 +35,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     what = "a name or address of this machine for the join strings (default: found automatically)"
     add("--address", action="append", metavar="HOST", type=_host, help=what)
-    add("--port", metavar="N", type=_port, help=f"where the server listens ({_PORT})")
+    what = f"where the server listens ({_PORT}, or as last time)"
+    add("--port", metavar="N", type=_port, help=what)
     what = "a file with one student per line, or a number of students (default: one string for all)"
     add("--students", metavar="FILE|N", help=what)
     what = f"how many days the join strings are valid ({_DAYS})"
@@ -138,8 +139,7 @@ def _make(options: argparse.Namespace) -> Exit:
         accounts = register.add(names, time.time() + options.days * _DAY)
     if options.serve is None and options.web is None:
         _print_strings(register, accounts)
-        port = f" --port {options.port}" if options.port else ""
-        print(f"start the server: taskrpc classroom{port} --web --serve", file=sys.stderr)
+        print("start the server: taskrpc classroom --web --serve", file=sys.stderr)
         print("for laptops without taskrpc: taskrpc classroom bundle DIR", file=sys.stderr)
         return Exit.DONE
     # Students may see this screen in class, and each student's string is a secret. So print only
@@ -167,7 +167,8 @@ def _place(options: argparse.Namespace, register: Register) -> Place:
             " say with --address HOST what they can reach"
         )
     robots = options.robots or register.robots
-    return Place(tuple(hosts), options.port or _PORT, domain_id(), robots)
+    port = options.port or register.port or _PORT
+    return Place(tuple(hosts), port, domain_id(), robots)
 
 
 def _make_certificates(register: Register, place: Place) -> None:

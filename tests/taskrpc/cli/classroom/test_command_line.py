@@ -102,10 +102,14 @@ def test_existing_join_strings_are_not_shown_when_the_server_starts(make, monkey
     assert [argv[-2:] == ["--speed", "2"] for argv in served] == [True, False, False]
 
 
-def test_line_that_starts_the_server_has_the_port_of_the_join_strings(capsys):
-    assert main(["classroom", "--address", "192.0.2.7", "--port", "7461"]) == 0
-    line = "start the server: taskrpc classroom --port 7461 --web --serve\n"
-    assert line in capsys.readouterr().err
+def test_a_class_keeps_its_port_until_another_is_given(make, monkeypatch):
+    served = []
+    monkeypatch.setattr("taskrpc.cli.server.main", lambda argv: served.append(argv) or 0)
+    options = (), ("--port", "7461"), (), ("--port", "7462")
+    places = [from_join_string(make(*argv)[0]).places[0] for argv in options]
+    assert places == [f"192.0.2.7:{port}" for port in (7450, 7461, 7461, 7462)]
+    make("--serve")
+    assert "0.0.0.0:7462" in served[-1]
 
 
 def test_the_certificate_stays_until_it_is_renewed(make):
