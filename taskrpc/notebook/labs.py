@@ -37,7 +37,11 @@ class NotebookLab:
 
     def begin(self) -> None:
         """Write the starter files, unless the lab was begun before; let cells import from it."""
-        self.folder.mkdir(exist_ok=True)
+        try:
+            self.folder.mkdir(exist_ok=True)
+        except OSError as error:
+            problem = f"cannot make the folder {self.folder} of the lab: {error.strerror}"
+            raise TaskRpcError(problem) from None
         if read_record(self.folder) is None:
             write_starter(self.lab, Variant(), self.folder)
         if (folder := str(self.folder)) not in sys.path:
@@ -47,13 +51,22 @@ class NotebookLab:
 
     def write(self, name: str, text: str) -> None:
         """Write a file of the lab; a Python file also runs, and a definition is checked."""
-        path = (self.folder / name).resolve()
-        if not name or not path.is_relative_to(self.folder.resolve()):
+        place = self.folder.resolve()
+        path = place if "\0" in name else (place / name).resolve()
+        if path == place or not path.is_relative_to(place):
             raise TaskRpcError(
                 f"%%lab: expected a file of the lab, such as {self.lab.files[0]}, got {name!r}"
             )
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8", newline="\n")
+        if path.suffix in _DEFINITIONS and len(path.relative_to(place).parts) < 3:
+            kind = path.suffix[1:]
+            raise TaskRpcError(
+                f"%%lab: expected a definition in PACKAGE/{kind}/{path.name}, got {name!r}"
+            )
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8", newline="\n")
+        except OSError as error:
+            raise TaskRpcError(f"%%lab: cannot write {name}: {error.strerror}") from None
         if path.suffix == ".py":
             self._run(text, path)
         elif path.suffix in _DEFINITIONS:
@@ -63,6 +76,11 @@ class NotebookLab:
 
     def check(self) -> None:
         """Run the checks, and print what they say as soon as they say it."""
+        if not self.folder.is_dir():
+            raise TaskRpcError(
+                f"{self.folder} is gone: run the first cell again, which calls"
+                f" notebook.lab({self.lab.number})"
+            )
         Program(["lab", "check", str(self.lab.number)], self.folder).show_output()
 
     def run(self, file: str, arguments: Sequence[str]) -> None:

@@ -1,4 +1,5 @@
 import json
+import shutil
 
 import pytest
 
@@ -35,10 +36,33 @@ def test_python_file_is_written_and_runs(lab):
     assert lab.ran == [("server.py", "x = 1\n")]
 
 
-@pytest.mark.parametrize("name", ["", "../server.py", "/tmp/server.py"])
+@pytest.mark.parametrize("name", ["", ".", "a\0b", "../server.py", "/tmp/server.py"])
 def test_file_outside_of_the_lab_is_refused(lab, name):
     with pytest.raises(TaskRpcError, match="expected a file of the lab, such as"):
         lab.write(name, "x = 1\n")
+
+
+def test_file_that_cannot_be_written_is_named(lab):
+    with pytest.raises(TaskRpcError, match=r"%%lab: cannot write server\.py/x: \w+"):
+        lab.write("server.py/x", "x = 1\n")
+
+
+def test_definition_belongs_into_the_folder_of_its_package(lab):
+    with pytest.raises(TaskRpcError, match=r"expected a definition in PACKAGE/srv/Add\.srv, got"):
+        lab.write("Add.srv", "---\n")
+    assert not (lab.folder / "Add.srv").exists()
+
+
+def test_folder_that_is_gone_is_named(lab):
+    shutil.rmtree(lab.folder)
+    with pytest.raises(TaskRpcError, match=r"lab1 is gone: run the first cell again, which calls"):
+        lab.check()
+
+
+def test_file_in_the_place_of_the_folder_is_named(tmp_path):
+    (tmp_path / "lab2").write_text("")
+    with pytest.raises(TaskRpcError, match=r"cannot make the folder .*lab2 of the lab: \w+"):
+        NotebookLab(2, tmp_path, lambda text, path: None).begin()
 
 
 def test_program_that_does_not_exist_is_refused(lab):
