@@ -71,8 +71,11 @@ def _check_options(options: Namespace) -> None:
     if options.jobs is not None and options.jobs < 1:
         raise UsageError(f"--jobs: expected a number of at least 1, got {options.jobs}")
     if options.hidden is not None:
-        for lab in catalogue.LABS:  # a mistake in the lecturer's files is not each student's
-            hidden_checks(Path(options.hidden).resolve(), lab)
+        # A mistake in the lecturer's files is not each student's.
+        folder = Path(options.hidden).resolve()
+        found = [hidden_checks(folder, lab) for lab in catalogue.LABS]
+        if not any(found):
+            raise UsageError(f"--hidden: expected a folder with lab1/hidden.py, got {folder}")
 
 
 def _request(options: Namespace, source: Path) -> Request:

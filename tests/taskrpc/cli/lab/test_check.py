@@ -97,6 +97,7 @@ def test_a_table_on_standard_output_is_not_mixed_with_progress(graded, capsys):
         (["--all", ".", "--jobs", "0"], "--jobs: expected a number of at least 1, got 0"),
         (["--all", "nowhere"], "--all: expected a folder with the submissions"),
         (["--hidden", "nowhere"], "--hidden: expected a folder"),
+        (["--hidden", "."], "--hidden: expected a folder with lab1/hidden.py, got"),
         (["--variant", "\udcff"], "--variant: expected text in UTF-8, got '\\udcff'"),
     ],
 )
