@@ -25,6 +25,15 @@ def variant_id(text: str) -> str:
     return text
 
 
+def here() -> Path:
+    """Return the current folder. Raises UsageError if it was removed."""
+    try:
+        return Path.cwd()
+    except FileNotFoundError:
+        problem = "the folder of this terminal does not exist any more: change to another one"
+        raise UsageError(problem) from None
+
+
 def configure(parser: ArgumentParser) -> None:
     """Give the parser of `taskrpc lab check` its arguments."""
     what = "the lab, 1 to 6; the default is the lab that was started in this folder"
@@ -95,8 +104,8 @@ async def _check_one(options: Namespace) -> Exit:
         if not options.json:
             print("\n".join(report.lines_of(result, colours=_has_colours())), flush=True)
 
-    here = Path.cwd()
-    graded = await grader.grade(_request(options, here), here.name, show)
+    folder = here()
+    graded = await grader.grade(_request(options, folder), folder.name, show)
     if options.json:
         print(json.dumps(report.gradescope(graded), indent=2))
         return Exit.DONE  # Gradescope takes another exit code for a failure of the grader

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
-from pathlib import Path
 
 from taskrpc.cli.lab.check import configure as configure_check
-from taskrpc.cli.lab.check import variant_id
+from taskrpc.cli.lab.check import here, variant_id
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.parsing import add_command, add_group
 
@@ -29,10 +28,11 @@ def _start(options: Namespace) -> Exit:
     from taskrpc.labs.variants import Variant
 
     chosen = lab(options.number)
-    paths = write_starter(chosen, Variant(options.variant), Path.cwd())
+    folder = here()
+    paths = write_starter(chosen, Variant(options.variant), folder)
     print(f"Lab {chosen.number}: {chosen.title} (about {chosen.minutes} minutes)")
     print(chosen.goal)
-    names = [path.relative_to(Path.cwd()).as_posix() for path in paths]
+    names = [path.relative_to(folder).as_posix() for path in paths]
     print(f"Your files: {' '.join(names)}")
     print(f"Try next: open {names[0]}, then run `taskrpc lab check`")
     return Exit.DONE

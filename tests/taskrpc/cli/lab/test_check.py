@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 
 import pytest
 
@@ -47,6 +48,18 @@ def test_a_folder_that_cannot_be_checked_is_one_line(graded, monkeypatch, capsys
     assert main(["lab", "check"]) == 1
     captured = capsys.readouterr()
     assert (captured.out, captured.err) == ("", "it is too large\n")
+
+
+@pytest.mark.parametrize("command", [["lab", "check"], ["lab", "start", "1"]])
+def test_a_folder_that_was_removed_is_one_line(monkeypatch, capsys, command):
+    def cwd():
+        raise FileNotFoundError(2, "No such file or directory")
+
+    monkeypatch.setattr(Path, "cwd", cwd)
+    assert main(command) == 2
+    captured = capsys.readouterr()
+    words = "the folder of this terminal does not exist any more: change to another one\n"
+    assert (captured.out, captured.err) == ("", words)
 
 
 def test_json_succeeds_also_for_a_wrong_submission(graded, monkeypatch, capsys):
