@@ -17,13 +17,16 @@ async def _scans(trial):
     trigger = srvgen.load("std_srvs/srv/Trigger")
     program = await trial.start("robot.py")
     scan = await service_of(trial, program, trigger, f"/{_robot(trial)}/scan")
-    started = trial.time()
-    await answer(scan, trigger.Request(), "an empty request")
-    one = trial.time() - started
-    started = trial.time()
-    both = [answer(scan, trigger.Request(), "an empty request") for _ in range(2)]
-    await asyncio.gather(*both)
-    two = trial.time() - started
+
+    async def seconds(scans):
+        started = trial.time()
+        wanted = [answer(scan, trigger.Request(), "an empty request") for _ in range(scans)]
+        await asyncio.gather(*wanted)
+        return trial.time() - started
+
+    # Each is measured twice: on a busy machine, one scan may take longer than it has to.
+    one = min(await seconds(1), await seconds(1))
+    two = min(await seconds(2), await seconds(2))
     if two > 1.7 * one:
         raise NotMet(
             "two scans at the same time to take as long as one",
