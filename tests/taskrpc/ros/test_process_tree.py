@@ -93,8 +93,8 @@ asyncio.run(main())
 """
 WAITS = """
 import sys, time
-print("running", flush=True)
 try:
+    print("running", flush=True)
     time.sleep(600)
 except KeyboardInterrupt:
     open({path!r}, "w").close()
