@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import inspect
 import os
-import threading
+import time
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial, wraps
@@ -319,16 +319,18 @@ class Node:
         """Serve until Ctrl-C or SIGTERM, then finish the calls in flight; a second signal ends
         the program at once.
         """
-        stopped = threading.Event()
+        is_stopped = False
 
         def stop(number: int) -> None:
-            if stopped.is_set():
+            nonlocal is_stopped
+            if is_stopped:
                 os._exit(128 + number)
-            stopped.set()
+            is_stopped = True
 
         with platform.stop_signals(stop):
-            while not stopped.wait(SLICE):
-                pass
+            # Not an Event: a signal may come while this thread holds the lock that `set` needs.
+            while not is_stopped:
+                time.sleep(SLICE)
             self._loop.run(self._node.drain(), "spin()")
 
     def destroy(self) -> None:

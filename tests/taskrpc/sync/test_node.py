@@ -142,6 +142,34 @@ def test_ctrl_c_reaches_a_program_that_waits(tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
 
 
+def test_ctrl_c_ends_spin_even_while_its_thread_holds_a_lock(tmp_path):
+    program = tmp_path / "spins.py"
+    program.write_text(
+        "import _thread, sys, threading, taskrpc.sync\n"
+        "pressed = []\n"
+        "def press():\n"
+        "    if not pressed:\n"
+        "        pressed.append(True)\n"
+        "        _thread.interrupt_main()\n"
+        "def trace(frame, event, argument):\n"
+        "    if frame.f_code is threading.Condition.wait.__code__:\n"
+        "        lock = frame.f_locals['self']._lock\n"
+        "        if type(lock) is type(threading.Lock()) and lock.locked():\n"
+        "            press()\n"
+        "    return trace\n"
+        "with taskrpc.sync.Node('spins') as node:\n"
+        "    threading.Timer(0.5, press).start()\n"
+        "    sys.settrace(trace)\n"
+        "    node.spin()\n"
+        "    sys.settrace(None)\n"
+        "print('ended')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, program], capture_output=True, text=True, timeout=20, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "ended\n", "")
+
+
 def test_call_after_the_event_loop_has_stopped_is_refused(tmp_path):
     """A function of atexit runs after the loop has stopped: its calls get an error."""
     program = tmp_path / "ends.py"
