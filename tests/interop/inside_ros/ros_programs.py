@@ -463,6 +463,7 @@ async def test_class_calls_the_robot_through_a_gateway_with_tls_and_accounts(
         gateway.wait()
         while hello.service_is_ready():
             await asyncio.sleep(0.05)
+        bridge[bridge.index("--timeout") + 1] = "20"  # the first call may wait for DDS's discovery
         start(*bridge, until="ready")
         assert await hello.wait_for_service(20)
         assert (await hello.call(Trigger.Request(), timeout=20)).message == "hello from ROS"
