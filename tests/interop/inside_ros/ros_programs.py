@@ -570,6 +570,6 @@ async def test_goals_of_a_ros_server_that_is_killed_fail(stack, peer):
     assert await client.wait_for_server(10)
     handle = await client.send_goal(Fibonacci.Goal(order=500))
     await anext(handle.feedback)
-    process.terminate()
+    process.kill()  # after SIGTERM, rclpy sometimes executes the goal to its end
     with pytest.raises(OutcomeUnknown):
-        await handle.result(timeout=40)
+        await handle.result(timeout=60)  # DDS notices the death after 20 s
