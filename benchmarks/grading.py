@@ -20,31 +20,16 @@ import tempfile
 import time
 from pathlib import Path
 
-from taskrpc.labs.catalogue import lab
-from taskrpc.labs.starter import filled, write_starter
 from taskrpc.labs.variants import Variant
-
-LECTURERS = Path(__file__).parents[1] / "examples" / "labs"
+from tests.labs.submissions import LECTURERS, solution_of, submission
 
 
 def write_class(folder: Path, number: int, count: int) -> None:
     """Write the submissions of one lab, each into a folder of its own."""
-    solution = LECTURERS / f"lab{number}" / "solution"
+    solution = solution_of(number)
     wrong = sorted((LECTURERS / f"lab{number}" / "wrong").iterdir())
     for student, source in zip(range(count), itertools.cycle([solution, *wrong])):
-        place = folder / f"student_{student:03}_{source.name}"
-        write_starter(lab(number), Variant(), place)
-        for origin in (solution, source):
-            write_over(number, origin, place)
-
-
-def write_over(number: int, source: Path, folder: Path) -> None:
-    """Write the files of a solution or of a wrong submission into a student's folder."""
-    values = lab(number).values(Variant())
-    for path in (each for each in source.rglob("*") if each.is_file()):
-        target = folder / filled(path.relative_to(source).as_posix(), values)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(filled(path.read_text(encoding="utf-8"), values), encoding="utf-8")
+        submission(number, source, folder / f"student_{student:03}_{source.name}", Variant())
 
 
 def measure(number: int, count: int, jobs: list[str]) -> tuple[float, float]:
