@@ -29,8 +29,8 @@ class Connections(msgspec.Struct):
     accounts: dict[str, int] = {}
     """How many are open, by the account of the caller; callers without an account do not count."""
     failed_lookups: dict[str, tuple[str, bool]] = {}
-    """The service that each account looked for last and in vain: its name, and whether there is one
-    of this name with another type."""
+    """The last service that each account did not find: its name, and whether the server has this
+    name with another type."""
 
 
 class DeduplicationStatus(msgspec.Struct, frozen=True):

@@ -130,7 +130,7 @@ class Desk:
             raise NotMet(
                 f"the worker to execute task {id}",
                 f"it did not, and executed {self.executed() or 'none'}{self.error()}",
-                "who calls self.execute? Is the thread started, and does its loop go on for ever?",
+                "which line calls self.execute? Does the thread start? Does its loop never end?",
             )
 
     def executed(self) -> list[int]:
