@@ -21,7 +21,7 @@ from taskrpc.actions.messages import (
     bytes_of,
     nanoseconds_of,
 )
-from taskrpc.actions.names import names_of
+from taskrpc.actions.names import ActionNames, names_of
 from taskrpc.actions.server_goal import AcceptCancel, AcceptGoal, Execute, ServerGoal
 from taskrpc.actions.states import GoalEvent, GoalState
 from taskrpc.callinfo import current_call
@@ -162,33 +162,7 @@ class ActionServer:
         """The three services; they end with the action server and not before."""
         parts = names_of(action_name)
         try:
-            # A request that is repeated after a lost response must get the first decision. By the
-            # store's id, a client notices that a new server has replaced this one; it then does
-            # not repeat the request, so the new server does not execute the goal again.
-            self.services.append(
-                node.create_service(
-                    messages.send_goal,
-                    parts.send_goal,
-                    self._send_goal,
-                    exactly_once=MemoryCompletions(),
-                    role=role,
-                )
-            )
-            self.services.append(
-                node.create_service(
-                    messages.cancel_goal,
-                    parts.cancel_goal,
-                    self._cancel_goals,
-                    concurrency=CANCELS,
-                    idempotent=True,
-                    role=role,
-                )
-            )
-            self.services.append(
-                node.create_deferred_service(
-                    messages.get_result, parts.get_result, self._get_result, role=Role.OBSERVE
-                )
-            )
+            self._offer_services(node, parts, role)
             self._feedback = node.create_publisher(messages.feedback, parts.feedback, FEEDBACK_QOS)
             self._status = node.create_publisher(messages.status, parts.status, STATUS_QOS)
         except BaseException as error:
@@ -197,6 +171,35 @@ class ActionServer:
             if isinstance(error, NameInUse):
                 raise error.without_join() from None
             raise
+
+    def _offer_services(self, node: ServerNode, parts: ActionNames, role: Role) -> None:
+        # A request that is repeated after a lost response must get the first decision. By the
+        # store's id, a client notices that a new server has replaced this one; it then does
+        # not repeat the request, so the new server does not execute the goal again.
+        self.services.append(
+            node.create_service(
+                self._messages.send_goal,
+                parts.send_goal,
+                self._send_goal,
+                exactly_once=MemoryCompletions(),
+                role=role,
+            )
+        )
+        self.services.append(
+            node.create_service(
+                self._messages.cancel_goal,
+                parts.cancel_goal,
+                self._cancel_goals,
+                concurrency=CANCELS,
+                idempotent=True,
+                role=role,
+            )
+        )
+        self.services.append(
+            node.create_deferred_service(
+                self._messages.get_result, parts.get_result, self._get_result, role=Role.OBSERVE
+            )
+        )
 
     def status(self) -> ServiceStatus:
         """Return how many goals run and wait."""
