@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taskrpc.cli.shared import remote
 from taskrpc.cli.shared.command import UsageError, exit_after, tune_for_long_run
 from taskrpc.cli.shared.parsing import number, whole
+
+if TYPE_CHECKING:
+    from taskrpc.gateway import Gateway
 
 _GATEWAY = "taskrpc_gateway"
 """The name of its two nodes: one on the robot, one for the laptops."""
@@ -107,13 +110,7 @@ async def serve(options: argparse.Namespace, access: remote.Remote) -> int:
             if not gateway.unused or stopped.done():
                 break
             await asyncio.sleep(_PAUSE)
-        found = f"{_count(gateway.names, 'service')} and {_count(gateway.topic_names, 'topic')}"
-        print(f"taskrpc bridge ready: {found} of the robot at {lab.address}", file=sys.stderr)
-        for pattern in gateway.unused:
-            problem = f"taskrpc bridge: the robot has nothing yet that {pattern!r} allows"
-            lists = f"`taskrpc service list --transport {options.transport}`, or topic list"
-            print(f"{problem}; see what it has: {lists}", file=sys.stderr)
-        sys.stderr.flush()
+        _announce(gateway, lab.address, options.transport)
         tune_for_long_run()
         following = asyncio.create_task(gateway.follow())
         following.add_done_callback(lambda _: stopped.cancel())  # `follow` ends only after a bug
@@ -131,6 +128,17 @@ async def serve(options: argparse.Namespace, access: remote.Remote) -> int:
         await lab.drain(options.timeout)
         gateway.close()
     return number
+
+
+def _announce(gateway: Gateway, address: str, transport: str) -> None:
+    """Print what callers can use, and each `--allow` that fits nothing yet."""
+    found = f"{_count(gateway.names, 'service')} and {_count(gateway.topic_names, 'topic')}"
+    print(f"taskrpc bridge ready: {found} of the robot at {address}", file=sys.stderr)
+    for pattern in gateway.unused:
+        problem = f"taskrpc bridge: the robot has nothing yet that {pattern!r} allows"
+        lists = f"`taskrpc service list --transport {transport}`, or topic list"
+        print(f"{problem}; see what it has: {lists}", file=sys.stderr)
+    sys.stderr.flush()
 
 
 def _count(names: Sequence[str], what: str) -> str:
