@@ -57,6 +57,7 @@ class Network:
         self.is_virtual = isinstance(asyncio.get_running_loop(), VirtualTimeLoop)
         self.transport = case.transport
         self.by_address = case.by_address
+        self.shares_secrets = case.shares_secrets
         self._case = case
         self._stack = stack
         self._count = itertools.count()

@@ -57,6 +57,10 @@ async def test_a_program_with_another_secret_is_refused(net):
     options = net.reaching(server)
     stranger = await net.node("stranger", **options, token="another secret")
     client = stranger.create_client(Add, "add")
+    if net.shares_secrets:  # the stranger finds the server's own secret
+        assert await client.wait_for_service(60)
+        assert (await client.call(ask(1, 2))).sum == 3
+        return
     assert not await client.wait_for_service(0.2)
     assert isinstance(await outcome(client.call(ask())), taskrpc.AuthenticationFailed)
     friend = await net.node("friend", **options, token="the servers secret")
