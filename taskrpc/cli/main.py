@@ -61,6 +61,7 @@ _GROUPS = {
     },
     "ROS packages": {
         "param": "Read and set the parameters of nodes",
+        "lifecycle": "Read and change the states of lifecycle nodes",
         "pkg": "Create and find packages",
         "colcon": "Check a workspace without a build; accept `colcon build` lines",
         "daemon": "Accept `ros2 daemon` lines; taskrpc needs no daemon",
@@ -77,7 +78,6 @@ _OLD_NAMES = {"alias": ("shell", "configure_alias"), "leave": ("join", "configur
 """Old names of commands: they still work, and no help page shows them."""
 
 _ELSEWHERE = {
-    "lifecycle": "call the node's services, such as /NODE/change_state, with taskrpc service call",
     "component": "start each node with its own taskrpc run",
     "control": "there is no controller manager",
     "multicast": "programs find each other without multicast; taskrpc doctor tests the connection",
@@ -87,8 +87,8 @@ _ELSEWHERE = {
 """Commands of ros2 that taskrpc does not have, and what to do instead."""
 
 _IN_FOLDERS = frozenset(
-    "action bag bridge classroom demo doctor lab param pkg router scene service task top"
-    " topic".split()
+    "action bag bridge classroom demo doctor lab lifecycle param pkg router scene service task"
+    " top topic".split()
 )
 """Commands of several modules: the module `command_line` of the folder has `configure`."""
 

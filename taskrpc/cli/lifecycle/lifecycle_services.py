@@ -1,0 +1,79 @@
+"""Finds lifecycle nodes and calls their lifecycle services, for commands."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import srvgen
+from taskrpc import names
+from taskrpc.cli.shared.command import NotFound, hinted
+from taskrpc.node import Node
+from taskrpc.transport.discovery.entries import RegistryEntry
+
+_STATE = "/get_state"
+_STATE_TYPE = "lifecycle_msgs/srv/GetState"
+
+
+class LifecycleServices:
+    """Calls the lifecycle services of one node (its fully qualified name).
+
+    Args:
+        timeout: seconds for each call; None waits until the node responds.
+    """
+
+    def __init__(self, node: Node, owner: str, timeout: float | None) -> None:
+        self._node = node
+        self._owner = owner
+        self._timeout = timeout
+
+    async def state(self) -> Any:
+        """Return the current state, as a State message."""
+        return (await self._call("GetState", "get_state")).current_state
+
+    async def transitions(self, *, possible_now: bool) -> list[Any]:
+        """Return the possible transitions, or all, as TransitionDescription messages."""
+        verb = "get_available_transitions" if possible_now else "get_transition_graph"
+        response = await self._call("GetAvailableTransitions", verb)
+        return list(response.available_transitions)
+
+    async def change(self, transition: Any) -> bool:
+        """Make a transition; returns whether its callback succeeded."""
+        response = await self._call("ChangeState", "change_state", transition=transition)
+        return bool(response.success)
+
+    async def _call(self, type_name: str, verb: str, **fields: Any) -> Any:
+        srv_type = srvgen.load(f"lifecycle_msgs/srv/{type_name}")
+        client = self._node.create_client(srv_type, f"{self._owner}/{verb}", timeout=self._timeout)
+        try:
+            return await client.call(srv_type.Request(**fields))
+        finally:
+            client.destroy()
+
+
+def lifecycle_nodes(entries: Iterable[RegistryEntry], *, hidden: bool) -> list[str]:
+    """Return the names of the lifecycle nodes, sorted; hidden nodes only with `hidden`."""
+    found = {
+        service.name.removesuffix(_STATE)
+        for entry in entries
+        for service in entry.services
+        if service.name.endswith(_STATE) and service.type_name == _STATE_TYPE
+    }
+    return sorted(name for name in found if hidden or not names.is_hidden(name))
+
+
+def checked_node(name: str, entries: Iterable[RegistryEntry], *, hidden: bool) -> str:
+    """Return the name of a running lifecycle node. Raises NotFound if there is none."""
+    from srvgen.definitions.names import did_you_mean
+
+    entries = list(entries)
+    known = lifecycle_nodes(entries, hidden=hidden)
+    if name in known:
+        return name
+    if name in lifecycle_nodes(entries, hidden=True):
+        hint = f"{name} is hidden; add --include-hidden-nodes"
+    elif any(name in entry.nodes for entry in entries):
+        hint = f"{name} runs, but it is not a lifecycle node"
+    else:
+        hint = did_you_mean(name, known)
+    raise hinted(NotFound("Node not found"), hint)
