@@ -113,14 +113,17 @@ class _Sender:
         return await client.send_goal(goal, timeout=self._left())
 
     def _rejected(self, error: GoalRejected) -> Exit:
-        """Print the rejection as ros2 does; the reason goes to standard error."""
+        """Print the rejection as ros2 does; the reason goes to standard error.
+
+        The exit code says whether the goal had its answer, as in ros2, and not which answer.
+        """
         self._print("Goal was rejected.")
         if self._plan.as_json:
             self._print_json({"accepted": False, "reason": error.message})
         else:
             reason = " ".join(error.message.split()) or error.code
             print(f"  hint: {reason}", file=sys.stderr)
-        return Exit.ERROR
+        return Exit.DONE
 
     async def _finish(self, handle: GoalHandle[Any, Any]) -> Exit:
         async for feedback in handle.feedback:
@@ -142,7 +145,7 @@ class _Sender:
             shown = None if result is None else srvgen.to_builtins(result)
             facts = {"goal_id": handle.goal_id, "status": state.name, "result": shown}
             self._print_json(facts)
-        return Exit.DONE if state is GoalState.SUCCEEDED else Exit.ERROR
+        return Exit.DONE
 
     async def _cancel(self, handle: GoalHandle[Any, Any]) -> None:
         """Cancel the goal after Ctrl-C."""

@@ -41,24 +41,24 @@ def test_a_goal_from_standard_input(action, run, monkeypatch):
     assert "order: 2\n" in run("action", "send_goal", "/fibonacci", TYPE, "--stdin")[1]
 
 
-def test_an_aborted_goal_and_one_that_failed_exit_with_1(action, run):
+def test_an_aborted_goal_and_one_that_failed_exit_with_0_as_in_ros2(action, run):
     code, out, _ = run("action", "send_goal", "/fibonacci", "order=7")
-    assert code == 1
+    assert code == 0
     assert out.endswith("- 13\n\nGoal finished with status: ABORTED\n")
     code, out, _ = run("action", "send_goal", "/fibonacci", "order=8")
-    assert code == 1
+    assert code == 0
     assert out.endswith("No result: there is no eight\n\nGoal finished with status: ABORTED\n")
 
 
-def test_a_rejected_goal_exits_with_1(action, run):
+def test_a_rejected_goal_exits_with_0_as_in_ros2(action, run):
     code, out, err = run("action", "send_goal", "/fibonacci", "order=50")
-    assert (code, out) == (1, SENT.format(50) + "Goal was rejected.\n")
+    assert (code, out) == (0, SENT.format(50) + "Goal was rejected.\n")
     assert err == "  hint: the server of /fibonacci rejected the goal and gave no reason\n"
 
 
 def test_the_reason_of_a_rejection_is_one_line_on_stderr(action, run):
     code, out, err = run("action", "send_goal", "/fibonacci", "order=60")
-    assert (code, out) == (1, SENT.format(60) + "Goal was rejected.\n")
+    assert (code, out) == (0, SENT.format(60) + "Goal was rejected.\n")
     assert err == "  hint: at most 49 numbers, not 60\n"
 
 
@@ -69,7 +69,7 @@ def test_json_prints_one_line_for_each_message(action, run):
     assert len(result.pop("goal_id")) == 32
     assert result == {"status": "SUCCEEDED", "result": {"sequence": [0, 1, 1]}}
     code, out, _ = run("action", "send_goal", "/fibonacci", "order=50", "--json")
-    assert (code, json.loads(out)["accepted"]) == (1, False)
+    assert (code, json.loads(out)["accepted"]) == (0, False)
 
 
 @pytest.mark.parametrize(
