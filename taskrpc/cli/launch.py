@@ -58,6 +58,7 @@ def configure(parser: Parser) -> None:
 def _run(options: Namespace) -> int:
     from taskrpc.ros import hook
 
+    _leave_out_working_directory()
     hook.install(Path.cwd())
     path, words = _launch_file(options.target, options.rest)
     hook.install(path.resolve().parent, Path.cwd())
@@ -74,6 +75,15 @@ def _run(options: Namespace) -> int:
         os.environ["OVERRIDE_LAUNCH_PROCESS_OUTPUT"] = "both"
     with _ros2_command():
         return _launch(path, arguments, words, options)
+
+
+def _leave_out_working_directory() -> None:
+    """Let `python -m taskrpc` import nothing from the working directory, as `ros2` does.
+
+    Otherwise a launch file `launch.py` there hides the package `launch`.
+    """
+    if not sys.flags.safe_path and sys.path[:1] == [os.getcwd()]:
+        del sys.path[0]
 
 
 def _launch(path: Path, arguments: dict[str, str], words: list[str], options: Namespace) -> int:

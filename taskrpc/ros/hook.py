@@ -79,7 +79,12 @@ class _RosNamesFinder(MetaPathFinder):
         if fullname == "rclpy":
             return _package(fullname, _RCLPY)
         folder = bundled.packages().get(fullname)
-        if folder is None or PathFinder.find_spec(fullname):  # a real package takes precedence
+        if folder is None:
+            return None
+        # A real package takes precedence, but not a folder without code, such as that of the
+        # launch files: Python prefers any package to it as well.
+        real = PathFinder.find_spec(fullname)
+        if real is not None and real.origin is not None:
             return None
         return _package(fullname, folder)
 

@@ -128,6 +128,25 @@ def test_launch_file_of_a_missing_package_is_left_out(launch, tmp_path, monkeypa
     ]
 
 
+def test_a_launch_file_named_launch_py_does_not_hide_the_package_launch(launch, tmp_path):
+    (tmp_path / "launch.py").write_text(FILE)
+    code, out, err = launch("launch.py")  # with python -m, which imports from the working directory
+    assert (code, err) == (0, "")
+    assert out.splitlines()[2] == "[INFO] [launch.user]: speed 2.5"
+    code, out, err = launch("launch.py", "--show-args")
+    assert (code, err) == (0, "")
+    assert "'speed':\n        metres a second" in out
+
+
+def test_a_folder_named_launch_does_not_hide_the_package_launch(launch, tmp_path):
+    (tmp_path / "launch").mkdir()
+    (tmp_path / "launch" / "robot.launch.py").write_text(FILE)
+    (tmp_path / "program.py").write_text("from launch import LaunchDescription")
+    assert launch("launch/robot.launch.py")[0] == 0
+    run = [sys.executable, "-m", "taskrpc", "run", "program.py"]
+    assert subprocess.run(run, cwd=tmp_path, check=False).returncode == 0
+
+
 def test_malformed_argument_is_named():
     assert parse_arguments(["a:=1", "a:=2", "b:="]) == {"a": "2", "b": ""}
     for word in ("a", ":=1", "a=1"):

@@ -74,7 +74,9 @@ def get_launch_description_from_python_launch_file(location: str) -> LaunchDescr
     path = checked_file(location)
     # Its package's modules are importable, as after `colcon build`.
     hook.install(Path(path).resolve().parent)
-    names = runpy.run_path(path, run_name=Path(path).stem.replace(".", "_"))
+    # The module gets the name that it has in ROS. With the name of a file launch.py, Python would
+    # take the file for the package `launch` that it imports.
+    names = runpy.run_path(path, run_name="python_launch_file")
     function = names.get(_FUNCTION)
     if function is None:
         raise InvalidPythonLaunchFileError(
