@@ -52,7 +52,7 @@ _QOS_LIMIT = 2**14
 """Characters of the text of a topic's QoS; that of fifty publishers is shorter."""
 _LONGEST_REASON = 240
 """Characters of an error about the contents of a file."""
-_LATEST = 2**63 - 1
+LATEST = 2**63 - 1
 """Nanoseconds since 1970; a later time is read only in a damaged file."""
 
 
@@ -226,7 +226,7 @@ def _encoded(record: records.McapRecord) -> bytes:
 
 
 class Recording:
-    """A recording that was written earlier; `messages` may be called several times.
+    """A recording in MCAP that was written earlier; `messages` may be called several times.
 
     Args:
         path: the file, or the folder of a bag of rosbag2 with its .mcap files.
@@ -234,6 +234,8 @@ class Recording:
     Raises:
         RecordingError: it cannot be opened, or is not an MCAP file.
     """
+
+    storage_id = "mcap"
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self.path = Path(path)
@@ -270,7 +272,7 @@ class Recording:
             for opcode, body in _records(stream, file.stat().st_size):
                 if opcode == Opcode.MESSAGE:
                     channel_id, _, time, _ = _MESSAGE_HEAD.unpack_from(body)
-                    if channel_id not in kept or time > _LATEST:
+                    if channel_id not in kept or time > LATEST:
                         raise ValueError("a message without a topic, or with an impossible time")
                     topic = kept[channel_id]
                     if topic is not None:
@@ -398,8 +400,13 @@ def _files(path: Path) -> list[Path]:
         return [path]
     found = sorted(path.glob("*.mcap"), key=lambda file: (len(file.name), file.name))
     if not found:
-        others = "; taskrpc reads MCAP, not SQLite" if any(path.glob("*.db3*")) else ""
-        raise RecordingError(f"expected a folder with .mcap files, {path} has none{others}")
+        if any(path.glob("*.db3")):
+            hint = "; its SQLite files are for `taskrpc bag`"
+        elif any(each.suffix == ".zstd" for each in path.iterdir()):
+            hint = "; taskrpc reads no compressed files"
+        else:
+            hint = ""
+        raise RecordingError(f"expected a folder with .mcap files, {path} has none{hint}")
     return found
 
 

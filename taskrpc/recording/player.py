@@ -12,9 +12,10 @@ import srvgen
 from taskrpc.errors import TaskRpcError
 from taskrpc.introspection import SUFFIX
 from taskrpc.node import Node
-from taskrpc.recording.mcap_file import CDR, Message, Recording, Topic, one_line
+from taskrpc.recording.mcap_file import CDR, Message, Topic, one_line
 from taskrpc.recording.recorder import message_class
 from taskrpc.recording.schemas import class_from, is_event
+from taskrpc.recording.sqlite_file import AnyRecording
 from taskrpc.topic import Publisher
 
 _REQUEST_STEPS = (0, 1)
@@ -49,7 +50,7 @@ class Player:
         settings: which part to play, and how fast.
     """
 
-    def __init__(self, node: Node, recording: Recording, settings: PlaySettings) -> None:
+    def __init__(self, node: Node, recording: AnyRecording, settings: PlaySettings) -> None:
         self._node = node
         self._recording = recording
         self._settings = settings

@@ -8,7 +8,7 @@ import msgspec
 
 from taskrpc.recording.calls import CallReader, RecordedCall, is_about_calls
 from taskrpc.recording.decisions import DECISIONS_TOPIC, TaskChange, decision_of
-from taskrpc.recording.mcap_file import Recording
+from taskrpc.recording.sqlite_file import AnyRecording
 from taskrpc.tasks.model import TaskState
 
 _ROBOT = "the robot"  # no node can have this name
@@ -34,7 +34,7 @@ class Arrow(msgspec.Struct, frozen=True):
     text: str
 
 
-def diagram(recording: Recording, *, limit: int = 100, services: Sequence[str] = ()) -> str:
+def diagram(recording: AnyRecording, *, limit: int = 100, services: Sequence[str] = ()) -> str:
     """Return the diagram as text; "" if the recording has no call.
 
     Args:

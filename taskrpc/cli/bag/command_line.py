@@ -16,7 +16,7 @@ from taskrpc.cli.shared.parsing import (
 )
 from taskrpc.cli.shared.remote import add_connect, add_discovery
 
-_FILE = "The recording: a .mcap file, or the folder of a bag of rosbag2"
+_FILE = "The recording: a .mcap or .db3 file, or the folder of a bag of rosbag2"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -14,8 +14,9 @@ from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound
 from taskrpc.cli.task.view import printable
 from taskrpc.introspection import SUFFIX
-from taskrpc.recording.mcap_file import Recording, Topic
+from taskrpc.recording.mcap_file import Topic
 from taskrpc.recording.schemas import EVENT, is_event
+from taskrpc.recording.sqlite_file import AnyRecording, open_recording
 
 
 class Contents(msgspec.Struct):
@@ -42,7 +43,7 @@ class Contents(msgspec.Struct):
         return sorted(found, key=lambda each: each[0].name)
 
 
-def contents(recording: Recording) -> Contents:
+def contents(recording: AnyRecording) -> Contents:
     """Read a whole recording and count its messages."""
     found = Contents({})
     counts: dict[Topic, int] = found.counts
@@ -57,7 +58,7 @@ def contents(recording: Recording) -> Contents:
 
 def info(options: argparse.Namespace) -> Exit:
     """Print what a recording contains."""
-    recording = Recording(options.file)
+    recording = open_recording(options.file)
     found = contents(recording)
     if options.topic_name:
         print("\n".join(printable(topic.name) for topic, _ in found.topics))
@@ -70,11 +71,11 @@ def info(options: argparse.Namespace) -> Exit:
     return Exit.DONE
 
 
-def _lines(recording: Recording, found: Contents) -> Iterator[str]:
+def _lines(recording: AnyRecording, found: Contents) -> Iterator[str]:
     yield ""
     yield f"Files:             {recording.path.name}"
     yield f"Bag size:          {_size(recording.size)}"
-    yield "Storage id:        mcap"
+    yield f"Storage id:        {recording.storage_id}"
     yield f"Duration:          {(found.end - found.begin) / 1e9:.9f}s"
     yield f"Start:             {_instant(found.begin)}"
     yield f"End:               {_instant(found.end)}"
@@ -116,7 +117,7 @@ def _instant(nanoseconds: int) -> str:
     return f"{day}.{fraction:09d} ({seconds}.{fraction:09d})"
 
 
-def _as_json(recording: Recording, found: Contents) -> dict[str, object]:
+def _as_json(recording: AnyRecording, found: Contents) -> dict[str, object]:
     return {
         "file": str(recording.path),
         "size": recording.size,
@@ -143,7 +144,7 @@ def sequence(options: argparse.Namespace) -> Exit:
     """Print a Mermaid sequence diagram of the recorded calls."""
     from taskrpc.recording.sequence import diagram
 
-    recording = Recording(options.file)
+    recording = open_recording(options.file)
     services = [quoting.expanded(name) for name in options.services]
     text = diagram(recording, limit=options.limit, services=services)
     if not text:

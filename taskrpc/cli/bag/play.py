@@ -10,8 +10,8 @@ from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound
 from taskrpc.cli.shared.remote import remote_of
 from taskrpc.cli.task.view import printable
-from taskrpc.recording.mcap_file import Recording
 from taskrpc.recording.player import Player, PlaySettings
+from taskrpc.recording.sqlite_file import AnyRecording, open_recording
 
 _LAST = 0.1
 """Seconds to stay after the last message, so that it is sent."""
@@ -19,7 +19,7 @@ _LAST = 0.1
 
 def play(options: argparse.Namespace) -> Exit:
     """Play a recording to its end."""
-    recording = Recording(options.file)
+    recording = open_recording(options.file)
     asyncio.run(_play(options, recording))
     return Exit.DONE
 
@@ -41,7 +41,7 @@ def _names(topics: list[str], services: list[str]) -> list[str]:
     return [*absolute, *(quoting.expanded(name) for name in services)]
 
 
-async def _play(options: argparse.Namespace, recording: Recording) -> None:
+async def _play(options: argparse.Namespace, recording: AnyRecording) -> None:
     async with remote_of(options).node() as node:
         player = Player(node, recording, _settings(options))
         while True:

@@ -143,7 +143,7 @@ def test_folder_of_a_bag_is_read_file_after_file(tmp_path):
 
 def test_folder_without_recordings_says_so(tmp_path):
     (tmp_path / "bag.db3").touch()
-    with pytest.raises(RecordingError, match="has none; taskrpc reads MCAP, not SQLite"):
+    with pytest.raises(RecordingError, match="has none; its SQLite files are for `taskrpc bag`"):
         Recording(tmp_path)
 
 

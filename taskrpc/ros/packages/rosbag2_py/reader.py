@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
-import sqlite3
 import sys
 from collections.abc import Iterator
-from functools import cache
 from pathlib import Path
 
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from taskrpc.recording.mcap_file import (
-    Message,
-    Recording,
-    Topic,
-    one_line,
-    qos_from,
-)
+from taskrpc.recording.mcap_file import Message, Topic
+from taskrpc.recording.sqlite_file import open_recording
 
 from .storage import (
     METADATA,
@@ -32,12 +24,6 @@ from .storage import (
     profile,
     read_metadata,
     runtime_errors,
-)
-
-_ROWS = (
-    "SELECT topics.name, topics.type, topics.serialization_format, {qos},"
-    " messages.timestamp, messages.data FROM messages"
-    " JOIN topics ON topics.id = messages.topic_id ORDER BY messages.timestamp, messages.id"
 )
 
 
@@ -150,30 +136,17 @@ class _Bag:
         self._metadata: BagMetadata | None = None
         if (described := self._path / METADATA).is_file():
             self._metadata = read_metadata(described)
-            if mode := self._metadata.compression_mode.lower().replace("none", ""):
-                raise RuntimeError(
-                    f"{uri} has compressed {mode}s, which taskrpc does not read; convert it with"
-                    " `ros2 bag convert` on a real ROS 2"
-                )
-        self._databases = _databases(self._path)
-        found = "sqlite3" if self._databases else "mcap"
+        with runtime_errors():
+            self._recording = open_recording(self._path)
+        found = self._recording.storage_id
         if storage_id not in ("", found):
             raise RuntimeError(
                 f"{uri} is a bag of storage_id={found!r}, expected {storage_id!r}; storage_id=''"
                 " reads both"
             )
-        self._storage_id = found
-        self._recording: Recording | None = None
-        if found == "mcap":
-            with runtime_errors():
-                self._recording = Recording(self._path)
 
     def messages(self) -> Iterator[Message]:
         """The messages of all files. A damaged part is reported on standard error."""
-        for path in self._databases:
-            yield from _rows(path)
-        if self._recording is None:
-            return
         with runtime_errors():
             yield from self._recording.messages()
         if problem := self._recording.problem:
@@ -183,10 +156,7 @@ class _Bag:
         """The contents of metadata.yaml; without it, those of the bag are counted."""
         if self._metadata is None:
             self._metadata = self._counted()
-        recording = self._recording
-        self._metadata.bag_size = (
-            recording.size if recording else sum(each.stat().st_size for each in self._databases)
-        )
+        self._metadata.bag_size = self._recording.size
         return self._metadata
 
     def _counted(self) -> BagMetadata:
@@ -195,10 +165,10 @@ class _Bag:
             topic = message.topic
             total.add(message.time)
             counts.setdefault(topic.name, (topic, Count()))[1].add(message.time)
-        for topic in self._recording.topics.values() if self._recording else ():
+        for topic in self._recording.topics.values():
             counts.setdefault(topic.name, (topic, Count()))  # it has no messages
         return BagMetadata(
-            storage_identifier=self._storage_id,
+            storage_identifier=self._recording.storage_id,
             duration=Duration(nanoseconds=total.span),
             starting_time=Time(nanoseconds=total.first),
             message_count=total.messages,
@@ -212,30 +182,3 @@ class _Bag:
                 for number, (each, count) in enumerate(counts.values(), 1)
             ],
         )
-
-
-def _databases(path: Path) -> list[Path]:
-    if path.is_dir():
-        found = path.glob("*.db3")
-        return sorted(found, key=lambda file: (len(file.name), file.name))
-    return [path] if path.suffix == ".db3" else []
-
-
-def _rows(path: Path) -> Iterator[Message]:
-    """The messages of an SQLite file."""
-    try:
-        with contextlib.closing(
-            sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)
-        ) as database:
-            columns = [row[1] for row in database.execute("PRAGMA table_info(topics)")]
-            qos = "topics.offered_qos_profiles" if "offered_qos_profiles" in columns else "''"
-            rows = database.execute(_ROWS.format(qos=qos))
-            for name, type_name, encoding, profiles, time, data in rows:
-                yield Message(_topic(name, type_name, encoding, profiles), time, data)
-    except sqlite3.Error as error:
-        raise RuntimeError(f"cannot read {path}: {one_line(error)}") from None
-
-
-@cache  # for the messages of a topic only once
-def _topic(name: str, type_name: str, encoding: str, qos: str) -> Topic:
-    return Topic(name, type_name, encoding, qos=qos_from(qos))

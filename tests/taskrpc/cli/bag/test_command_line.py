@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import signal
+import sqlite3
 import subprocess
 import sys
 import time
@@ -120,3 +122,22 @@ def test_record_writes_until_it_is_ended(bag, tmp_path, number):
         assert (recorder.returncode, recording.problem) == (0, "")
     else:
         assert "is not finished" in recording.problem
+
+
+@pytest.mark.real_time
+def test_a_bag_in_sqlite_is_read_and_played(bag, tmp_path):
+    folder = tmp_path / "old"
+    folder.mkdir()
+    with contextlib.closing(sqlite3.connect(folder / "old_0.db3")) as database:
+        database.execute("CREATE TABLE topics(id, name, type, serialization_format)")
+        database.execute("CREATE TABLE messages(id, topic_id, timestamp, data)")
+        database.execute("INSERT INTO topics VALUES (1, '/chatter', 'std_msgs/msg/String', 'cdr')")
+        row = (1, 1, 10**18, srvgen.to_cdr(String(data="hello")))
+        database.execute("INSERT INTO messages VALUES (?, ?, ?, ?)", row)
+        database.commit()
+    for place in (folder, folder / "old_0.db3"):
+        code, out, err = bag("info", place)
+        assert (code, err) == (0, "")
+        assert "Storage id:        sqlite3\n" in out
+        assert "Topic: /chatter | Type: std_msgs/msg/String | Count: 1" in out
+        assert bag("play", place, "--delay", "0") == (0, "", "played 1 messages\n")
