@@ -15,7 +15,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, cast
 
 from taskrpc.ros.command_line import startable
 
@@ -58,7 +58,7 @@ class ProcessTree:
         program = _Program(on_output)
         ours, its = _terminals() if has_terminal else ([], [])
         outputs: dict[str, Any] = dict(zip(("stdout", "stderr"), its, strict=False))
-        options = {**_own_group(), **outputs, "cwd": cwd, "env": env}
+        options = {**_own_group(loop), **outputs, "cwd": cwd, "env": env}
         try:
             if isinstance(command, str):
                 transport, _ = await loop.subprocess_shell(lambda: program, command, **options)
@@ -188,9 +188,9 @@ class _Program(asyncio.SubprocessProtocol):
             self._on_output(*each)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.SubprocessTransport)
-        self._transport = transport
-        self.pid = transport.get_pid()
+        # Cast, not checked: uvloop's transports are no subclasses of asyncio's.
+        self._transport = cast("asyncio.SubprocessTransport", transport)
+        self.pid = self._transport.get_pid()
 
     def pipe_data_received(self, fd: int, data: bytes) -> None:
         self.received += len(data)
@@ -242,9 +242,11 @@ def _close(descriptors: list[int]) -> None:
         os.close(each)
 
 
-def _own_group() -> dict[str, Any]:
+def _own_group(loop: asyncio.AbstractEventLoop) -> dict[str, Any]:
     if sys.platform == "win32":
         return {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+    elif type(loop).__module__.startswith("uvloop"):
+        return {"start_new_session": True}  # uvloop has no `process_group`
     else:
         return {"process_group": 0}
 

@@ -34,6 +34,25 @@ async def test_signals_reach_descendants_and_none_is_left():
     assert not tree.has_processes()
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="uvloop is not for Windows")
+def test_programs_start_and_end_on_uvloop():
+    async def start_and_end():
+        said = asyncio.Event()
+        tree = await ProcessTree.start(
+            [sys.executable, "-c", PARENT], lambda stream, data: said.set()
+        )
+        await said.wait()
+        assert os.getpgid(tree.pid) == tree.pid
+        tree.send_signal(signal.SIGINT)
+        assert await tree.wait() == -signal.SIGINT
+        await tree.end_descendants()
+        assert not tree.has_processes()
+
+    uvloop = pytest.importorskip("uvloop")
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(start_and_end())
+
+
 async def test_end_is_seen_while_a_descendant_keeps_the_output_open():
     child = "import os, time; print(os.getpid(), flush=True); time.sleep(600)"
     code = f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', {child!r}]); input()"
