@@ -371,6 +371,32 @@ def to_list(values: Any, path: str, least: int = 0, most: int | None = None) -> 
     return items
 
 
+def _are_exact(items: list[Any], convert: Callable[[Any, str], Any]) -> bool:
+    """Whether `convert` would change no element of a list; functions of C look at the elements."""
+    types = set(map(type, items))
+    if convert is to_byte:
+        return types == {bytes} and set(map(len, items)) == {1}
+    if convert is to_boolean:
+        return types == {bool}
+    bound = convert.keywords["bound"] if isinstance(convert, partial) else None
+    if types != {str} or (bound is not None and max(map(len, items)) > bound):
+        return False
+    try:
+        "".join(items).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _bytes_of(items: list[Any]) -> list[bytes] | None:
+    """The bytes of a list of integers 0..255; None if it has other elements."""
+    try:
+        raw = bytes(items)
+    except (TypeError, ValueError):
+        return None
+    return list(struct.unpack(f"{len(raw)}c", raw))
+
+
 def to_items(
     values: Any,
     path: str,
@@ -378,8 +404,13 @@ def to_items(
     least: int = 0,
     most: int | None = None,
 ) -> list[Any]:
-    """Convert each value with `convert`, and return a list."""
+    """Convert each value with `convert`, and return a list; a list of exact values itself."""
     items = to_list(values, path, least, most)
+    # A million bytes would take a million function calls, so that whole lists are checked first.
+    if _are_exact(items, convert):
+        return items
+    if convert is to_byte and (made := _bytes_of(items)) is not None:
+        return made
     try:
         return [convert(item, "") for item in items]
     except FieldError:

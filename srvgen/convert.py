@@ -75,8 +75,15 @@ def _plain(value: Any) -> Any:
     if isinstance(value, bytes):
         return value[0]
     if isinstance(value, list):
-        return [_plain(item) for item in value]
+        return _plain_list(value)
     return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _plain_list(values: list[Any]) -> list[Any]:
+    """The elements of a checked list, which are all of one type."""
+    if values and hasattr(values[0], "_FIELDS"):
+        return [_plain_message(each) for each in values]
+    return list(b"".join(values)) if values and isinstance(values[0], bytes) else list(values)
 
 
 def _build(cls: type[M], obj: Any, path: str) -> M:
