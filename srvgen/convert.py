@@ -101,7 +101,7 @@ def _build(cls: type[M], obj: Any, path: str) -> M:
     values = {}
     for name, value in obj.items():
         if name not in attributes:
-            raise _unknown(cls, name, path)
+            raise with_prefix(FieldError(str(name), unknown_field(cls, name)), path)
         values[attributes[name]] = _field(cls, name, value, path)
     return cls(**values)
 
@@ -117,10 +117,10 @@ def _field(cls: type[Message], name: str, value: Any, path: str) -> Any:
     return [_build(nested, item, f"{inner}[{i}]") for i, item in enumerate(items)]
 
 
-def _unknown(cls: type[Message], name: object, path: str) -> FieldError:
+def unknown_field(cls: type[Message], name: object) -> str:
+    """Say that a message class has no such field, and which fields it has."""
     known = [one for one, _ in cls._FIELDS]
     similar = similar_names(name, known) if isinstance(name, str) else []
     hint = f"; did you mean {similar[0]!r}?" if similar else ""
     has = ", ".join(known) if known else "no fields"
-    problem = f"unknown field {name!r}; {cls.__name__} has {has}{hint}"
-    return with_prefix(FieldError(str(name), problem), path)
+    return f"unknown field {name!r}; {cls.__name__} has {has}{hint}"

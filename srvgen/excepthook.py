@@ -13,9 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from types import TracebackType
 
-_POSITIONAL = "Extra positional arguments provided"
-"""The error text of msgspec; a check in our constructors would slow down all calls."""
-_BY_NAME = "a message takes its fields by name: write Request(a=1, b=2), not Request(1, 2)"
+_EXPLAINED = "_is_explained_by_srvgen"
+"""The attribute of an error whose text `explain` has replaced."""
 _ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 _OWN_PACKAGES = tuple(os.path.join(_ROOT, package, "") for package in ("srvgen", "taskrpc"))
 
@@ -23,39 +22,75 @@ _OWN_PACKAGES = tuple(os.path.join(_ROOT, package, "") for package in ("srvgen",
 def show_in_one_message(
     is_ours: Callable[[BaseException], bool] | None = None,
     exit_status: Callable[[BaseException], int] = lambda _: 1,
+    hint: Callable[[BaseException], str] = lambda _: "",
 ) -> None:
     """Show errors for which `is_ours` is true, by default those of srvgen, without a traceback.
 
     A program with its own excepthook keeps it; `python -X dev` shows all tracebacks. A call with
-    `is_ours` replaces one without.
+    `is_ours` replaces one without. `hint` returns what else the user should know of an error.
     """
     hook = sys.excepthook
     replaceable = hook is sys.__excepthook__ or (
         is_ours is not None and isinstance(hook, _OneMessageHook)
     )
     if replaceable and not sys.flags.dev_mode:
-        sys.excepthook = _OneMessageHook(is_ours or _is_of_srvgen, exit_status)
+        sys.excepthook = _OneMessageHook(is_ours or _is_of_srvgen, exit_status, hint)
 
 
-def explain(error: BaseException | None) -> None:
-    """Change the text of a TypeError for positional fields, so that it shows the right spelling."""
-    if isinstance(error, TypeError) and error.args == (_POSITIONAL,):
-        error.args = (_BY_NAME,)
+def explain(error: BaseException | None) -> bool:
+    """Replace the text of an error by one that names the mistake in the use of taskrpc.
+
+    Such a mistake is a field that the message does not have, an argument that has another name in
+    rclpy, or a file that hides a module of Python. Returns whether the text explains the error now.
+    """
+    if not isinstance(error, AttributeError | ImportError | TypeError):
+        return False
+    if hasattr(error, _EXPLAINED):
+        return True
+    text = _failed_import(error) if not isinstance(error, TypeError) else ""
+    if not text and not isinstance(error, ImportError):
+        from .misuse import explanation  # few programs end with an error
+
+        text = explanation(error)
+    if text:
+        error.args = (text,)
+        if isinstance(error, ImportError):
+            error.msg = text
+        setattr(error, _EXPLAINED, True)
+    return bool(text)
+
+
+def _failed_import(error: AttributeError | ImportError) -> str:
+    """Explain why a module of Python, or rclpy, was not found; "" for other modules."""
+    text, folders = str(error), (sys.path[0], os.getcwd())
+    for name, module in list(sys.modules.items()):
+        is_named = f"'{name}'" in text or f"'{name}." in text
+        if is_named and name in sys.stdlib_module_names:
+            file = getattr(module, "__file__", None) or ""
+            if file and os.path.dirname(file) in folders:
+                return f"the file {file} hides Python's own module {name}; rename the file"
+    if isinstance(error, ImportError) and error.name == "rclpy":
+        return f"{text}; start the program with: taskrpc run {os.path.basename(sys.argv[0])}"
+    return ""
 
 
 class _OneMessageHook:
     """Replaces `sys.excepthook`. The SystemExit that it raises sets the exit status."""
 
     def __init__(
-        self, is_ours: Callable[[BaseException], bool], exit_status: Callable[[BaseException], int]
+        self,
+        is_ours: Callable[[BaseException], bool],
+        exit_status: Callable[[BaseException], int],
+        hint: Callable[[BaseException], str],
     ) -> None:
         self._is_ours = is_ours
         self._exit_status = exit_status
+        self._hint = hint
 
     def __call__(
         self, kind: type[BaseException], error: BaseException, traceback: TracebackType | None
     ) -> None:
-        messages = messages_of(error, self._is_ours, _location)
+        messages = messages_of(error, self._is_ours, _location, self._hint)
         if not messages:
             sys.__excepthook__(kind, error, traceback)
             return
@@ -68,23 +103,24 @@ def messages_of(
     error: BaseException,
     is_ours: Callable[[BaseException], bool],
     location: Callable[[str, int], str],
+    hint: Callable[[BaseException], str] = lambda _: "",
 ) -> list[str]:
     """Return the message that replaces the traceback of an error; several for a group of errors.
 
     Empty if the program's author needs the traceback, because `is_ours` is false for an error.
     `location` turns the file and the line in which the error was raised into the beginning of
-    its message.
+    its message. `hint` returns a hint for an error that has none, or "".
     """
     errors = list(_members(error))
-    for each in errors:
-        explain(each)
-    if not all(is_ours(each) or each.args == (_BY_NAME,) for each in errors):
+    explained = [explain(each) or is_ours(each) for each in errors]
+    if not all(explained):
         return []
     found = []
     for each in errors:
         place = program_line(each.__traceback__) or program_line(error.__traceback__)
         message = f"{location(*place) if place else ''}{type(each).__name__}: {each}"
-        found.append("\n  hint: ".join([message, *getattr(each, "__notes__", ())]))
+        notes = getattr(each, "__notes__", ()) or filter(None, [hint(each)])
+        found.append("\n  hint: ".join([message, *notes]))
     return found
 
 

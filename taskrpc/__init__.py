@@ -7,6 +7,10 @@ a command loads only what it needs.
 
 from __future__ import annotations
 
+from srvgen import excepthook
+
+excepthook.show_in_one_message()  # also for imports that a file of the program makes impossible
+
 TYPE_CHECKING = False  # importing typing would cost `taskrpc --help` more than all its own files
 if TYPE_CHECKING:
     from taskrpc import errors as errors

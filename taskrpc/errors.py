@@ -40,6 +40,7 @@ from enum import IntEnum
 
 TYPE_CHECKING = False  # importing typing would cost every command
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from typing import Any
 
 _NUMERIC = tuple("bcdeEfFgGnoxX%")
@@ -104,9 +105,19 @@ class DeadlineExceeded(TaskRpcError, TimeoutError):
 
 
 class ServiceUnavailable(TaskRpcError):
-    """No server offers the service, or none could be reached in time."""
+    """No server offers the service, or none could be reached in time.
+
+    Attributes:
+        service: the name that was not found in the registry of this machine, "" for other reasons.
+    """
 
     not_executed = True
+
+    def __init__(
+        self, message: str = "", *, not_executed: bool | None = None, service: str = ""
+    ) -> None:
+        super().__init__(message, not_executed=not_executed)
+        self.service = service
 
 
 class ConnectionLost(TaskRpcError):
@@ -343,12 +354,13 @@ def is_ours(error: BaseException) -> bool:
     return isinstance(error, DefinitionError | FieldError)
 
 
-def show_in_one_message() -> None:
+def show_in_one_message(hint: Callable[[BaseException], str] = lambda _: "") -> None:
     """End this program without a traceback after an error of taskrpc that it does not catch.
 
     Errors of other kinds keep their traceback. A program with its own excepthook keeps it;
-    `python -X dev` shows all tracebacks.
+    `python -X dev` shows all tracebacks. `hint` returns what else the user should know of an
+    error, or "".
     """
     from srvgen import excepthook  # commands that only need the errors start without it
 
-    excepthook.show_in_one_message(is_ours, exit_status)
+    excepthook.show_in_one_message(is_ours, exit_status, hint)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import os
 from collections.abc import Callable, Sequence
 from copy import copy
@@ -13,7 +14,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 from srvgen import excepthook
-from taskrpc import errors, names
+from taskrpc import names
 from taskrpc.client import DEFAULT_TIMEOUT, Client, ObservedClient
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.message_types import (
@@ -29,7 +30,7 @@ from taskrpc.message_types import (
     message_type,
     service_type,
 )
-from taskrpc.program import stop_requested
+from taskrpc.program import show_errors_in_one_message, stop_requested
 from taskrpc.qos import QoS, qos_of
 from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.retry import RetryPolicy
@@ -51,6 +52,8 @@ if TYPE_CHECKING:
     from taskrpc.timer import Timer
     from taskrpc.topic import Publisher, Subscription
     from taskrpc.transport.connection.incoming_call import RouteFaults
+
+log = logging.getLogger("taskrpc.node")
 
 DRAIN_GRACE = 30.0
 """Seconds that calls in flight get when a node shuts down."""
@@ -116,7 +119,7 @@ class Node:
         observer: Observer | None = None,
         faults: RouteFaults | None = None,
     ) -> None:
-        errors.show_in_one_message()
+        show_errors_in_one_message()
         self._name = names.check_node_name(name)
         in_lab = "" if namespace else lab_namespace(transport, peers)
         self._namespace = names.check_namespace(namespace or in_lab)
@@ -147,6 +150,8 @@ class Node:
         """The counts of destroyed publishers and subscriptions, by topic."""
         self._introspection: ServiceIntrospection | None = None
         """None until `configure_introspection` is called."""
+        self._can_run_callbacks: bool | None = None
+        """False until the program awaits something; None if the node has no callbacks."""
 
     # Names and address
 
@@ -184,6 +189,8 @@ class Node:
         traceback: TracebackType | None,
     ) -> None:
         excepthook.explain(error)
+        if error is None and self._can_run_callbacks is False:
+            self._warn_unspun("await node.spin()")
         await self.destroy()
 
     if not TYPE_CHECKING:  # type checkers report `with`; programs get a better message
@@ -251,6 +258,14 @@ class Node:
                 await stopped
             finally:
                 await self.drain()
+
+    def _warn_unspun(self, spin: str) -> None:
+        """Say that the program ends before a callback of this node could run."""
+        offered = ", ".join(service.status().name for service in self._services)
+        what = f"the node {self._name}{f', which offers {offered},' if offered else ''}"
+        log.warning(
+            "%s ends before a callback of it could run; end its block with `%s`", what, spin
+        )
 
     async def drain(self, grace: float = DRAIN_GRACE) -> None:
         """Withdraw the services and wait for calls in flight, at most `grace` seconds.
@@ -442,6 +457,7 @@ class Node:
             otherwise=next(iter(self._names_in_lab(topic)), ""),
         )
         self._parts[subscription] = None
+        self._expect_callbacks()
         return subscription
 
     def create_timer(
@@ -457,6 +473,7 @@ class Node:
         self._started()
         timer = Timer(period, callback, threaded=threaded, forget=self._forget_part)
         self._parts[timer] = None
+        self._expect_callbacks()
         return timer
 
     def create_action_server(
@@ -598,8 +615,18 @@ class Node:
         traffic = self._started().traffic()
         return NodeStatus(services, retries, *traffic, self._topic_status())
 
+    def _expect_callbacks(self) -> None:
+        """Note that the node has callbacks. They run only while the program awaits something."""
+        if self._can_run_callbacks is None:
+            self._can_run_callbacks = False
+            asyncio.get_running_loop().call_soon(self._run_callbacks)
+
+    def _run_callbacks(self) -> None:
+        self._can_run_callbacks = True
+
     def _keep(self, service: Service | DeferredService | ActionServer) -> None:
         self._services[service] = None
+        self._expect_callbacks()
         service.finished.add_done_callback(lambda _: self._services.pop(service, None))
 
     def _names_in_lab(self, name: str) -> tuple[str, ...]:

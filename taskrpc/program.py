@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any, TypeVar, cast
 
 from taskrpc import errors, platform
-from taskrpc.errors import TaskRpcError, WouldDeadlock
+from taskrpc.errors import ServiceUnavailable, TaskRpcError, WouldDeadlock
 
 _Result = TypeVar("_Result")
 
@@ -44,10 +44,24 @@ def run(main: Coroutine[Any, Any, _Result]) -> _Result:
         TaskRpcError: `main` is not a coroutine.
         WouldDeadlock: an event loop is already running, as in a notebook; await `main()` there.
     """
-    errors.show_in_one_message()
+    show_errors_in_one_message()
     _check_main(main)
     with asyncio.Runner(loop_factory=fast_loop()) as runner:
         return runner.run(main)
+
+
+def show_errors_in_one_message() -> None:
+    """Do what `errors.show_in_one_message` does, with suggestions for unknown services."""
+    errors.show_in_one_message(suggestion)
+
+
+def suggestion(error: BaseException) -> str:
+    """Return what the user can do if the error is a service that no program offers; else ""."""
+    if not isinstance(error, ServiceUnavailable) or not error.service:
+        return ""
+    from taskrpc.transport import suggestions  # few programs end with an error
+
+    return suggestions.suggestion(error.service)
 
 
 def _check_main(main: Any) -> None:

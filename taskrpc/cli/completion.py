@@ -12,6 +12,7 @@ from taskrpc.cli.action.action_graph import actions
 from taskrpc.cli.shared import definitions, graph
 from taskrpc.cli.shared.remote import HERE
 from taskrpc.cli.topic.topic_graph import topics
+from taskrpc.transport import suggestions
 
 if TYPE_CHECKING:
     from taskrpc.transport.discovery.entries import RegistryEntry
@@ -27,7 +28,7 @@ def _entries() -> list[RegistryEntry]:
 
 
 def _services(_: Namespace) -> Iterable[str]:
-    return graph.services(_entries())
+    return suggestions.services(_entries())
 
 
 def _topics(_: Namespace) -> Iterable[str]:
@@ -47,7 +48,7 @@ def _interfaces(kind: str) -> Iterable[str]:
 def _type_of_service(options: Namespace) -> Iterable[str]:
     """Complete the type of the service named before it; every type if no program offers it."""
     service = getattr(options, "service_name", "")
-    return graph.services(_entries(), hidden=True).get(service) or _interfaces("srv")
+    return suggestions.services(_entries(), hidden=True).get(service) or _interfaces("srv")
 
 
 def _request(options: Namespace) -> Iterable[str]:

@@ -16,11 +16,11 @@ import webbrowser
 from collections.abc import Iterator, Sequence
 from types import FrameType
 
-from taskrpc.cli.shared import graph
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.shared.page_link import PageLink, noted_links
 from taskrpc.errors import TaskRpcError
 from taskrpc.security.lab import Lab, remembered_lab
+from taskrpc.transport import suggestions
 from taskrpc.transport.discovery.registry import Registry
 from taskrpc.transport.settings import domain_id, environment_peers
 
@@ -110,7 +110,7 @@ def _joined_lab() -> Lab | None:
 
 def _refuse_server_without_page() -> None:
     """Raise NotFound if a task server runs that has no page: a second one could not start."""
-    for entry in graph.others(Registry(domain_id()).entries()):
+    for entry in suggestions.others(Registry(domain_id()).entries()):
         if entry.offers(_SERVICE):
             program = f"{entry.script} (pid {entry.pid})"
             raise hinted(

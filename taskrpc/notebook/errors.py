@@ -9,7 +9,7 @@ from types import TracebackType
 
 import taskrpc
 from srvgen import excepthook
-from taskrpc import errors
+from taskrpc import errors, program
 
 OWN = str(Path(taskrpc.__file__).parent)
 """The folder of taskrpc's own modules."""
@@ -22,7 +22,7 @@ def lines_of(error: BaseException, location: Location) -> list[str]:
     """Return the lines that replace a traceback; none if the student needs the traceback."""
     if isinstance(error, KeyboardInterrupt | asyncio.CancelledError):  # the latter at an `await`
         return _interrupted(error.__traceback__, location)
-    return excepthook.messages_of(error, is_ours, location)
+    return excepthook.messages_of(error, is_ours, location, program.suggestion)
 
 
 _RAISED = (AttributeError, RuntimeError, TypeError, ValueError)

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial, wraps
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Generic, ParamSpec, Self
 
 from srvgen import excepthook
 from taskrpc import client as _client
@@ -22,6 +22,7 @@ from taskrpc import node as _node
 from taskrpc import platform
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.deferred import DeferredService, Take
+from taskrpc.errors import TaskRpcError
 from taskrpc.message_types import (
     Action,
     FeedbackT,
@@ -50,6 +51,9 @@ if TYPE_CHECKING:
     from taskrpc.observer import NodeStatus
 
 
+_AT_ONCE = 1.0
+"""Seconds: a node that ends earlier, and has callbacks, was meant to live longer."""
+
 _Settings = ParamSpec("_Settings")
 
 
@@ -67,10 +71,14 @@ class Node:
     `start()` at the beginning and `close()` at the end instead.
     """
 
+    _has_waited: ClassVar[bool] = False
+    """Whether the program calls or publishes itself, or has waited in `spin`."""
+
     @_with_settings_of(_node.Node.__init__)
     def __init__(self, *args: Any, **settings: Any) -> None:
         self._loop: LoopThread = LoopThread.shared()
         self._node = _Node(*args, **settings)
+        self._began = time.monotonic()
 
     def __enter__(self) -> Self:
         return self.start()
@@ -82,7 +90,21 @@ class Node:
         traceback: TracebackType | None,
     ) -> None:
         excepthook.explain(error)
+        lived = time.monotonic() - self._began
+        if error is None and lived < _AT_ONCE and not Node._has_waited:
+            self._node.warn_unspun()
         self.destroy()
+
+    if not TYPE_CHECKING:  # type checkers report `async with`; programs get a better message
+
+        def __aenter__(self):
+            raise TaskRpcError(
+                "taskrpc.sync.Node is blocking: write `with taskrpc.sync.Node(...) as node:`,"
+                " or `async with taskrpc.Node(...) as node:` in an async function"
+            )
+
+        def __aexit__(self, *_):
+            """Never called: `async with` looks it up before it calls `__aenter__`."""
 
     @property
     def async_node(self) -> _node.Node:
@@ -182,6 +204,7 @@ class Node:
             lambda: self._node.create_client(srv_type, srv_name, timeout=timeout, retry=retry),
             "create_client()",
         )
+        Node._has_waited = True
         return Client(self._loop, inner)
 
     def create_publisher(
@@ -200,6 +223,7 @@ class Node:
             ),
             "create_publisher()",
         )
+        Node._has_waited = True
         return Publisher(self._loop, inner)
 
     def create_subscription(
@@ -277,6 +301,7 @@ class Node:
             ),
             "create_action_client()",
         )
+        Node._has_waited = True
         return ActionClient(self._loop, inner)
 
     def configure_introspection(
@@ -319,6 +344,7 @@ class Node:
         """Serve until Ctrl-C or SIGTERM, then finish the calls in flight; a second signal ends
         the program at once.
         """
+        Node._has_waited = True
         is_stopped = False
 
         def stop(number: int) -> None:
@@ -461,6 +487,11 @@ class _Node(_node.Node):
     """The asynchronous node on the event loop, which other threads use."""
 
     _threads = True
+
+    def warn_unspun(self) -> None:
+        """Say that the program ends at once, if the node has callbacks."""
+        if self._can_run_callbacks is not None:
+            self._warn_unspun("node.spin()")
 
 
 def _copy(inner: asyncio.Future[Any], outer: Future[Any]) -> None:

@@ -102,6 +102,7 @@ class MemoryNetwork:
     native = None
     problem = ""
     discovery_ends = 0.0
+    uses_registry = False
 
     def __init__(
         self,

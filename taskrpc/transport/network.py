@@ -76,6 +76,10 @@ class Network(Protocol):
     """The accounts that may call, besides callers with the token; None without accounts."""
 
     @property
+    def uses_registry(self) -> bool:
+        """Whether it finds programs in the registry of this machine."""
+
+    @property
     def problem(self) -> str:
         """Why no program can be reached at present, "" if nothing is known to be wrong."""
 
@@ -148,7 +152,8 @@ class Network(Protocol):
 def no_server(network: Network, service: str) -> ServiceUnavailable:
     """Return the error for a service that no known program offers."""
     problem = f": {network.problem}" if network.problem else ""
-    return ServiceUnavailable(f"no server offers {service}{problem}")
+    searched = service if network.uses_registry else ""
+    return ServiceUnavailable(f"no server offers {service}{problem}", service=searched)
 
 
 def no_definition(service: str, type_name: str, type_hash: str) -> TaskRpcError:

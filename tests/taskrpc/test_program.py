@@ -1,5 +1,6 @@
 """A script that lets one of our errors escape ends with one message and a documented status."""
 
+import asyncio
 import os
 import subprocess
 import sys
@@ -8,8 +9,11 @@ import pytest
 
 import srvgen
 import taskrpc
+import taskrpc.sync
 from srvgen import DefinitionError
-from taskrpc import errors
+from taskrpc import errors, program
+from taskrpc.transport.network import no_server
+from taskrpc.transport.tcp.tcp_network import TcpNetwork
 
 THIS_FILE = os.path.relpath(__file__)
 AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
@@ -142,7 +146,7 @@ MISUSES = {
     ),
     "positional fields": (
         lambda: AddTwoInts.Request(1, 2),
-        "a message takes its fields by name: write Request(a=1, b=2), not Request(1, 2)",
+        "AddTwoInts_Request takes its fields by name: write AddTwoInts.Request(a=..., b=...)",
     ),
 }
 
@@ -175,7 +179,7 @@ def test_positional_fields_are_explained_in_a_script_without_a_node(tmp_path, lo
     done = subprocess.run(
         [sys.executable, script], capture_output=True, text=True, cwd=tmp_path, timeout=60
     )
-    text = "a message takes its fields by name: write Request(a=1, b=2), not Request(1, 2)\n"
+    text = "AddTwoInts_Request takes its fields by name: write Add.Request(a=..., b=...)\n"
     line = load.count("\n") + 2
     assert (done.returncode, done.stderr) == (1, f"caller.py:{line}: TypeError: {text}")
 
@@ -203,16 +207,140 @@ async def test_run_in_a_running_loop_suggests_await():
         taskrpc.run(main())
 
 
-def test_a_script_ends_with_the_status_of_the_table(tmp_path):
-    script = tmp_path / "caller.py"
-    script.write_text(
+def run_script(folder, text, **files):
+    """Run a program beside some files; return its status and what it wrote to stderr."""
+    for name, content in {"caller": text, **files}.items():
+        (folder / f"{name}.py").write_text(content)
+    script = folder / "caller.py"
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, cwd=folder, timeout=60
+    )
+    assert done.stdout == ""
+    return done.returncode, done.stderr
+
+
+def test_a_script_ends_with_the_status_of_the_table_and_a_hint(tmp_path):
+    calling = (
         "import srvgen, taskrpc.sync\n"
         "Add = srvgen.load('example_interfaces/srv/AddTwoInts')\n"
         "with taskrpc.sync.Node('caller') as node:\n"
         "    node.create_client(Add, 'nobody', timeout=0.01).call(Add.Request())\n"
     )
-    done = subprocess.run(
-        [sys.executable, script], capture_output=True, text=True, cwd=tmp_path, timeout=60
+    assert run_script(tmp_path, calling) == (
+        4,
+        "caller.py:4: ServiceUnavailable: no server offers /nobody\n"
+        "  hint: no taskrpc program offers a service on this machine in domain 0; start one, for"
+        " example taskrpc-server\n",
     )
-    said = "caller.py:4: ServiceUnavailable: no server offers /nobody\n"
-    assert (done.returncode, done.stdout, done.stderr) == (4, "", said)
+
+
+@pytest.mark.real_time
+async def test_an_unknown_service_gets_the_suggestions_of_the_commands():
+    async with taskrpc.Node("server") as server, taskrpc.Node("caller") as node:
+        server.create_service(AddTwoInts, "add_two_ints", lambda request, response: response)
+        with pytest.raises(taskrpc.ServiceUnavailable) as caught:
+            await node.create_client(AddTwoInts, "add_to_ints").call(AddTwoInts.Request())
+        assert caught.value.service == "/add_to_ints"
+
+
+@pytest.mark.parametrize("peers", [None, ["127.0.0.1:1"]])
+async def test_only_the_registry_of_this_machine_gives_suggestions(peers):
+    network = TcpNetwork(domain=3, peers=peers or ())
+    error = no_server(network, "/add")
+    assert error.service == ("" if peers else "/add")
+    assert bool(program.suggestion(error)) is (peers is None)
+    assert program.suggestion(ValueError()) == ""
+
+
+@pytest.mark.parametrize("name", ["concurrent", "queue"])
+def test_a_file_that_hides_a_module_of_python_is_named(tmp_path, name):
+    status, text = run_script(tmp_path, "import taskrpc.sync\n", **{name: ""})
+    file = tmp_path / f"{name}.py"
+    assert status == 1
+    assert text.startswith("caller.py:1: ")
+    assert text.endswith(f"the file {file} hides Python's own module {name}; rename the file\n")
+    assert text.count("\n") == 1
+
+
+def test_a_missing_module_of_the_program_keeps_its_traceback(tmp_path):
+    status, text = run_script(tmp_path, "import taskrpc\nimport helper_that_is_missing\n")
+    assert status == 1
+    assert text.startswith("Traceback (most recent call last):")
+
+
+SERVER = """
+import srvgen, taskrpc, taskrpc.sync
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+
+def add(request, response):
+    return response
+"""
+ENDS_AT_ONCE = {
+    "a service": "node.create_service(Add, 'add', add)",
+    "a timer": "node.create_timer(1.0, print)",
+    "a subscription": "node.create_subscription(srvgen.load('std_msgs/msg/String'), 'a', print)",
+}
+
+
+@pytest.mark.parametrize("what", ENDS_AT_ONCE)
+def test_a_node_that_ends_before_a_callback_could_run_says_so(tmp_path, what):
+    program = f"""{SERVER}
+async def main():
+    async with taskrpc.Node("adder") as node:
+        {ENDS_AT_ONCE[what]}
+
+taskrpc.run(main())
+"""
+    offered = ", which offers /add," if what == "a service" else ""
+    text = f"the node adder{offered} ends before a callback of it could run; end its block with"
+    assert run_script(tmp_path, program) == (0, f"{text} `await node.spin()`\n")
+
+
+def test_a_blocking_node_that_ends_at_once_says_so(tmp_path):
+    program = f"""{SERVER}
+with taskrpc.sync.Node("adder") as node:
+    node.create_service(Add, "add", add)
+"""
+    text = "the node adder, which offers /add, ends before a callback of it could run;"
+    assert run_script(tmp_path, program) == (0, f"{text} end its block with `node.spin()`\n")
+
+
+@pytest.mark.parametrize(
+    "block",
+    [
+        "await node.create_client(Add, 'add').call(Add.Request())",
+        "await asyncio.sleep(0)",
+        "raise SystemExit(0)",
+    ],
+)
+def test_a_node_whose_program_waited_or_failed_ends_in_silence(tmp_path, block):
+    program = f"""{SERVER}
+import asyncio
+
+async def main():
+    async with taskrpc.Node("adder") as node:
+        node.create_service(Add, "add", add)
+        {block}
+
+taskrpc.run(main())
+"""
+    assert run_script(tmp_path, program) == (0, "")
+
+
+def test_a_blocking_program_that_calls_itself_ends_in_silence(tmp_path):
+    program = f"""{SERVER}
+with taskrpc.sync.Node("adder") as node:
+    node.create_service(Add, "add", add)
+    node.create_client(Add, "add").call(Add.Request())
+"""
+    assert run_script(tmp_path, program) == (0, "")
+
+
+def test_a_blocking_node_in_an_async_with_says_how_to_write_it():
+    async def main():
+        async with taskrpc.sync.Node("a"):
+            pass
+
+    with pytest.raises(taskrpc.TaskRpcError, match=r"write `with taskrpc.sync.Node\("):
+        asyncio.run(main())

@@ -582,7 +582,10 @@ async def test_log_shows_the_error_or_result_of_a_callback(caplog):
         (fail, "one of the callback's own"),
         (forget, "forget returned None; a service callback must `return response`"),
         (lambda request, response: 5, "the response cannot be sent: "),
-        (lambda request, response: Add.Response(3), "a message takes its fields by name"),
+        (
+            lambda request, response: Add.Response(3),
+            "takes its fields by name: write Add.",
+        ),
     ):
         caplog.clear()
         transport, _ = service(callback)

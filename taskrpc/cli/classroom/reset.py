@@ -14,12 +14,12 @@ from taskrpc.classroom.archive import summary, write_archive
 from taskrpc.classroom.attendance import Attendance
 from taskrpc.classroom.register import Register
 from taskrpc.cli.classroom.group import RESET
-from taskrpc.cli.shared import graph
 from taskrpc.cli.shared.command import UsageError, hinted
 from taskrpc.cli.shared.remote import HERE
 from taskrpc.errors import TaskRpcError
 from taskrpc.tasks.model import Task, TaskState
 from taskrpc.tasks.records.sqlite_store import SqliteStore
+from taskrpc.transport import suggestions
 from taskrpc.transport.discovery.registry import Registry
 from taskrpc.transport.settings import domain_id
 
@@ -56,7 +56,7 @@ def _running() -> Sequence[str]:
 
     Raises TaskRpcError if a task server runs that is not the server of the class.
     """
-    entries = graph.others(Registry(domain_id()).entries())
+    entries = suggestions.others(Registry(domain_id()).entries())
     names = [each.name for entry in entries for each in entry.services]
     found = sorted({name for name in names if name.endswith(f"/{RESET}")})
     for entry in entries:

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import srvgen
 from taskrpc import platform
-from taskrpc.cli.shared import graph
 from taskrpc.cli.shared.remote import HERE, LISTING_TIMEOUT, Remote
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
 from taskrpc.security.lab import remembered_lab
+from taskrpc.transport import suggestions
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.transport.limits.keepalive import keepalive_of
 from taskrpc.transport.settings import domain_id, environment_peers
@@ -116,7 +116,7 @@ def environment() -> Iterator[Finding]:
 
 async def programs() -> AsyncIterator[Finding]:
     """Check whether the programs of this machine respond, and whether their types agree."""
-    here = graph.domains().get(domain_id(), [])
+    here = suggestions.domains().get(domain_id(), [])
     serving = [entry for entry in here if entry.services]
     if not serving:
         advice = "start one, for example taskrpc-server"
@@ -128,8 +128,8 @@ async def programs() -> AsyncIterator[Finding]:
         yield await _reach(entry)
     for finding in _disagreements(serving):
         yield finding
-    for domain, entries in graph.domains().items():
-        if domain != domain_id() and (elsewhere := graph.services(entries)):
+    for domain, entries in suggestions.domains().items():
+        if domain != domain_id() and (elsewhere := suggestions.services(entries)):
             advice = f"set ROS_DOMAIN_ID={domain} to call them"
             yield note(f"in domain {domain} there are {', '.join(elsewhere)}", advice)
 
@@ -139,7 +139,7 @@ async def _reach(entry: RegistryEntry) -> Finding:
         await HERE.listing(place_here(entry.address))
     except TaskRpcError as error:
         return _silent(entry, error)
-    listed = ", ".join(graph.services([entry])) or "hidden services"
+    listed = ", ".join(suggestions.services([entry])) or "hidden services"
     return ok(f"{_program(entry)} at {entry.address} offers {listed}")
 
 
@@ -226,7 +226,7 @@ async def check_health(remote: Remote) -> AsyncIterator[Finding]:
 async def _services(remote: Remote) -> Iterable[ServiceEndpoint]:
     if remote.place:
         return (await remote.listing(remote.place)).services
-    here = graph.domains().get(domain_id(), [])
+    here = suggestions.domains().get(domain_id(), [])
     return [service for entry in here for service in entry.services]
 
 

@@ -7,9 +7,9 @@ from collections.abc import AsyncIterator, Iterator
 from importlib.metadata import PackageNotFoundError, version
 
 from taskrpc.cli.doctor.checks import Finding, note, ok, problem
-from taskrpc.cli.shared import graph
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.errors import TaskRpcError
+from taskrpc.transport import suggestions
 from taskrpc.transport.settings import domain_id, environment_peers
 from taskrpc.transport.shared_endpoint import TRANSPORTS, registered
 from taskrpc.transport.zenoh.configuration import (
@@ -102,7 +102,7 @@ async def _services(remote: Remote, transport: str) -> Finding:
         node = Remote(transport=transport, tls=remote.tls, token=remote.token)
         node.peers = peers
         async with node.node() as joined:
-            services = graph.services(await joined.graph())
+            services = suggestions.services(await joined.graph())
     except TaskRpcError as error:
         return _problem_of(error)
     if not services:

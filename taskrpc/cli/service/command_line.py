@@ -107,9 +107,9 @@ def _echo(options: argparse.Namespace) -> int:
 
 
 def _list(options: argparse.Namespace) -> int:
-    from taskrpc.cli.shared import graph
+    from taskrpc.transport import suggestions
 
-    found = graph.services(_look(options), hidden=options.include_hidden_services)
+    found = suggestions.services(_look(options), hidden=options.include_hidden_services)
     if options.count_services:
         print(len(found))
     elif options.json:
@@ -123,20 +123,20 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _find(options: argparse.Namespace) -> int:
-    from taskrpc.cli.shared import graph
     from taskrpc.cli.shared.definitions import service_type_name
+    from taskrpc.transport import suggestions
 
     wanted = service_type_name(options.service_type)
-    found = graph.services(_look(options), hidden=options.include_hidden_services)
+    found = suggestions.services(_look(options), hidden=options.include_hidden_services)
     matching = [name for name, types in found.items() if wanted in types]
     return print_names(matching, count=options.count_services, as_json=options.json)
 
 
 def _type(options: argparse.Namespace) -> int:
-    from taskrpc.cli.shared import graph
+    from taskrpc.transport import suggestions
 
     name, entries = quoting.expanded(options.service_name), _look(options)
-    types = graph.services(entries, hidden=True).get(name)
+    types = suggestions.services(entries, hidden=True).get(name)
     if types is None:
         raise _unknown(options, name, entries)
     return print_names(types, as_json=options.json)

@@ -17,6 +17,7 @@ from taskrpc.cli.topic.reading import Feed
 from taskrpc.cli.topic.topic_graph import topics
 from taskrpc.qos import QoS
 from taskrpc.ros.message_text import Cut, csv_of, plain
+from taskrpc.transport import suggestions
 
 if TYPE_CHECKING:
     import argparse
@@ -92,7 +93,7 @@ async def _echo(options: argparse.Namespace) -> None:
 
 
 def _service_type(given: str, name: str, entries: Iterable[RegistryEntry]) -> Any:
-    types = [given] if given else graph.services(entries, hidden=True).get(name, [])
+    types = [given] if given else suggestions.services(entries, hidden=True).get(name, [])
     if not types:
         hint = graph.unknown_service_hint(name, entries)
         raise hinted(NotFound(f"Cannot find type for '{name}'"), hint)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import os
 from collections.abc import Iterable
 
-from taskrpc import names, platform
+from taskrpc import platform
 from taskrpc.cli.shared.command import hinted
 from taskrpc.cli.shared.remote import HERE, Remote
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
@@ -14,23 +13,13 @@ from taskrpc.node import Node
 from taskrpc.security.lab import remembered_lab
 from taskrpc.transport.connection.dialling import STOPPED
 from taskrpc.transport.discovery.entries import RegistryEntry, entry_of
-from taskrpc.transport.discovery.registry import Registry
 from taskrpc.transport.settings import domain_id, environment_peers
+from taskrpc.transport.suggestions import domains, like, nothing_offered, others
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
-_SHOWN = 5  # most services that a hint names
 _PATIENCE = 2.0
 """Seconds for a middleware to find the first other program; DDS may repeat its question."""
 _POLL = 0.1
-_OF_EVERY_NODE = {
-    "describe_parameters",
-    "get_parameter_types",
-    "get_parameters",
-    "get_type_description",
-    "list_parameters",
-    "set_parameters",
-    "set_parameters_atomically",
-}
 
 
 def look(remote: Remote) -> list[RegistryEntry]:
@@ -61,21 +50,6 @@ async def entries_of(remote: Remote, node: Node) -> list[RegistryEntry]:
     return found
 
 
-def others(entries: Iterable[RegistryEntry]) -> list[RegistryEntry]:
-    """Return the entries of all processes except this one."""
-    return [entry for entry in entries if entry.pid != os.getpid()]
-
-
-def services(entries: Iterable[RegistryEntry], *, hidden: bool = False) -> dict[str, list[str]]:
-    """Return the offered services with their types; several types if servers disagree."""
-    found: dict[str, set[str]] = {}
-    for entry in entries:
-        for service in entry.services:
-            if hidden or not names.is_hidden(service.name):
-                found.setdefault(service.name, set()).add(service.type_name)
-    return {name: sorted(found[name]) for name in sorted(found)}
-
-
 def gid(entry: RegistryEntry, endpoint: ServiceEndpoint | TopicEndpoint, kind: int) -> str:
     """Return the GID of an endpoint as ros2 prints it; rclpy programs see the same GID.
 
@@ -99,16 +73,6 @@ def qos_lines(*, reliable: bool = True, depth: int = 10, latched: bool = False) 
         "  Liveliness: AUTOMATIC",
         "  Liveliness lease duration: Infinite",
     ]
-
-
-def domains() -> dict[int, list[RegistryEntry]]:
-    """Return all taskrpc processes of this user on this machine, by domain."""
-    found = {}
-    for folder in sorted(platform.runtime_dir().glob("domain_*")):
-        number = folder.name.removeprefix("domain_")
-        if number.isdecimal() and (entries := others(Registry(int(number)).entries())):
-            found[int(number)] = entries
-    return found
 
 
 async def why_unavailable(
@@ -156,30 +120,8 @@ def unknown_service_hint(
     service: str, entries: Iterable[RegistryEntry], remote: Remote = HERE
 ) -> str:
     """Return a hint for a user who named a service that no program offers."""
-    from srvgen.definitions.names import similar_names
-
-    known = services(entries, hidden=True)
-    same_end = [name for name in known if name.endswith(service.rpartition("/")[2])]
-    if similar := similar_names(service, known) or same_end:
-        return f"did you mean {' or '.join(similar)}?"
-    domain = _domain_of(service) if remote.transport == "tcp" else None
-    if domain is not None:
-        return f"it is offered in domain {domain}; set ROS_DOMAIN_ID={domain}"
-    plain = [name for name in known if not names.is_hidden(name)]
-    # Every node of a ROS program has these seven services besides its own.
-    shown = [name for name in plain if name.rpartition("/")[2] not in _OF_EVERY_NODE] or plain
-    if shown:
-        more = ", …" if len(shown) > _SHOWN else ""
-        return f"there are {', '.join(shown[:_SHOWN])}{more}"
-    return _nothing_offered(remote)
-
-
-def _domain_of(service: str) -> int | None:
-    """Return another domain in which programs of this machine offer a service."""
-    for domain, entries in domains().items():
-        if domain != domain_id() and service in services(entries, hidden=True):
-            return domain
-    return None
+    found = like(service, entries, searches_domains=remote.transport == "tcp")
+    return found or _nothing_offered(remote)
 
 
 def _nothing_offered(remote: Remote) -> str:
@@ -188,7 +130,4 @@ def _nothing_offered(remote: Remote) -> str:
         return f"no program offers a service over {remote.transport} in domain {domain_id()}"
     if remote.place:
         return f"the program at {remote.place} offers no service"
-    if (lab := remembered_lab()) and not environment_peers():
-        return f"neither this machine nor the lab at {lab.place} offers a service: taskrpc doctor"
-    where = f"on this machine in domain {domain_id()}"
-    return f"no taskrpc program offers a service {where}; start one, for example taskrpc-server"
+    return nothing_offered()

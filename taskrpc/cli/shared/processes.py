@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from taskrpc import names
-from taskrpc.cli.shared import graph
+from taskrpc.transport import suggestions
 from taskrpc.transport.discovery.entries import RegistryEntry
 
 
@@ -42,7 +42,7 @@ class Process:
     @property
     def services(self) -> list[str]:
         """The services that it offers, without hidden ones."""
-        return list(graph.services(self.entries))
+        return list(suggestions.services(self.entries))
 
     @property
     def is_ending(self) -> bool:
@@ -72,7 +72,7 @@ def _is_tail(name: str, script: Path) -> bool:
 def processes() -> list[Process]:
     """Return all processes except this one, oldest first."""
     found: dict[int, list[tuple[int, RegistryEntry]]] = {}
-    for domain, entries in graph.domains().items():
+    for domain, entries in suggestions.domains().items():
         for entry in entries:
             found.setdefault(entry.pid, []).append((domain, entry))
     made = [

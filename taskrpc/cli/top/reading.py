@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import srvgen
 from taskrpc.cli.shared.command import is_mistake
-from taskrpc.cli.shared.graph import domains
 from taskrpc.cli.task.view import printable, work_of
 from taskrpc.cli.top.model import History, Pose, TaskRow, TaskServerRow, View
 from taskrpc.qos import QoS
 from taskrpc.transport.base import ProgramStatistics
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.transport.settings import domain_id
+from taskrpc.transport.suggestions import domains
 
 if TYPE_CHECKING:
     from taskrpc.client import Client

@@ -91,6 +91,11 @@ class TcpNetwork:
         """The registry's signature when it was read last, at `_looked` on the loop's clock."""
         self._looked = float("-inf")
 
+    @property
+    def uses_registry(self) -> bool:
+        """Whether it finds programs in the registry of this machine: only without peers."""
+        return not self._peers
+
     async def open(self) -> None:
         """Do nothing: the registry of this machine and sockets need no preparation."""
 

@@ -99,6 +99,8 @@ class TunnelNetwork:
         self._table.end_all("the node was destroyed", tell=True)
         self._engine.close()
 
+    uses_registry = False
+
     @property
     def discovery_ends(self) -> float:
         """Until when the engine may not know all programs."""

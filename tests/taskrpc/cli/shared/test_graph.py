@@ -8,6 +8,7 @@ import pytest
 
 from taskrpc.cli.shared import graph
 from taskrpc.cli.shared.remote import Remote
+from taskrpc.transport import suggestions
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
@@ -25,8 +26,8 @@ def entry(*names: str, type_name: str = "a/srv/A", pid: int = 1) -> RegistryEntr
         ("/robot_task", ["/robot1/robot_task"], "did you mean /robot1/robot_task?"),
         ("/go", ["/add", "/mul", "/_hidden"], "there are /add, /mul"),
         ("/go", list("/a /b /c /d /e /f".split()), "there are /a, /b, /c, /d, /e, …"),
-        ("/go", ["/add", "/n/get_parameters", "/n/list_parameters"], "there are /add"),
-        ("/go", ["/n/get_parameters"], "there are /n/get_parameters"),
+        ("/go", ["/add", "/n/get_parameters", "/n/list_parameters"], "there is /add"),
+        ("/go", ["/n/get_parameters"], "there is /n/get_parameters"),
         ("/go", ["/_hidden"], "no taskrpc program offers a service on this machine in domain 0"),
     ],
 )
@@ -48,8 +49,8 @@ def test_hint_about_another_transport_does_not_mention_this_machine():
 
 def test_services_are_sorted_with_all_their_types():
     entries = [entry("/b", "/_h"), entry("/a"), entry("/b", type_name="z/srv/Z")]
-    assert graph.services(entries) == {"/a": ["a/srv/A"], "/b": ["a/srv/A", "z/srv/Z"]}
-    assert "/_h" in graph.services(entries, hidden=True)
+    assert suggestions.services(entries) == {"/a": ["a/srv/A"], "/b": ["a/srv/A", "z/srv/Z"]}
+    assert "/_h" in suggestions.services(entries, hidden=True)
 
 
 def test_gids_equal_those_of_rclpy_programs():
