@@ -4,6 +4,11 @@ A retry is safe if the request certainly did not run, if the service is idempote
 exactly-once: then the request keeps its request id and its store in every attempt. After an attempt
 that may have run, the call is in doubt. From then on only a response, or the same store, can say
 that the request did not run.
+
+A policy may limit each attempt. The deadline of an attempt ends it at an idempotent server. An
+exactly-once request goes on at the server: the next attempt attaches to it, and only then the
+client cancels the earlier one. Otherwise a handler that needs longer than one attempt would begin
+again and again.
 """
 
 from __future__ import annotations
@@ -75,11 +80,13 @@ class Attempts(msgspec.Struct, eq=False):
     """The store for which the request id is valid, b"" before there is one."""
     _sent: OpenCall | None = None
     """The present attempt, if the channel sent it as soon as it was connected."""
+    _late: OpenCall | None = None
+    """The last attempt of an exactly-once request that timed out, until the next one is sent."""
 
     def begin(self) -> None:
         """Send the request; the channel calls this as soon as it is connected."""
         with contextlib.suppress(Exception):  # `result` sends again and raises the error
-            self._sent = self.channel.send(self.request, self.deadline, self._request_id())
+            self._sent = self._send()
 
     async def result(self, call: OpenCall | None = None) -> Any:
         """Return the response; raise the errors of `Client.call`.
@@ -97,9 +104,11 @@ class Attempts(msgspec.Struct, eq=False):
                             await self._wait_for_connection()
                         call, self._sent = self._sent, None
                     if call is None:
-                        call = self.channel.send(self.request, self.deadline, self._request_id())
+                        call = self._send()
                         assert call is not None, "the channel is connected, and nothing was awaited"
-                    response = await call.future
+                    policy = self.policy
+                    is_limited = policy is not None and policy.attempt_timeout is not None
+                    response = await (self._response(call) if is_limited else call.future)
                 except asyncio.CancelledError:
                     if (sent := call or self._sent) is not None:
                         self._cancel(sent)
@@ -114,7 +123,40 @@ class Attempts(msgspec.Struct, eq=False):
                     self.budget.earn()
                     return response
         finally:
+            if self._late is not None:
+                self._forget_late()
             self._settle()
+
+    def _send(self) -> OpenCall | None:
+        """Send an attempt; None if the channel is not connected."""
+        request_id, deadline, policy = self._request_id(), self.deadline, self.policy
+        if request_id is None and policy is not None and policy.attempt_timeout is not None:
+            deadline = policy.attempt_ends(self.now(), deadline)
+        return self.channel.send(self.request, deadline, request_id)
+
+    # The timeout of an attempt of an exactly-once request
+
+    async def _response(self, call: OpenCall) -> Any:
+        """Await the response of an attempt. Raises DeadlineExceeded when the attempt times out."""
+        assert self.policy is not None, "it limits the attempt"
+        self._forget_late()
+        end = self.policy.attempt_ends(self.now(), self.deadline)
+        if not self._store_id or end is None or end == self.deadline:
+            return await call.future
+        await asyncio.wait((call.future,), timeout=end - self.now())
+        if call.future.done():
+            return call.future.result()
+        self._late = call
+        raise DeadlineExceeded("no response by the deadline")
+
+    def _forget_late(self) -> None:
+        """Cancel an earlier attempt: the present one has its request id, or the call is over."""
+        if (late := self._late) is not None:
+            self._late = None
+            if not late.future.done():
+                self._cancel(late)
+            else:  # the present attempt gets the same outcome from the server
+                late.future.exception()  # otherwise asyncio reports it as never retrieved
 
     def _cancel(self, call: OpenCall) -> None:
         self._sent = None
@@ -153,6 +195,12 @@ class Attempts(msgspec.Struct, eq=False):
             if self.name:
                 problem = "a request id was given, but the service is not exactly-once"
                 raise InvalidRequest("", problem)
+            if channel.mode is not Mode.IDEMPOTENT:
+                policy = self.policy
+                if self._in_doubt:
+                    self._end_in_doubt("the server that offers the service now is not idempotent")
+                if policy is not None and policy.attempt_timeout is not None:
+                    raise InvalidRequest("", _unsafe(channel.service_name))
             return None
         if self._store_id and self._in_doubt and self._is_too_old():
             self._end_in_doubt("the request is so old that the server may have forgotten it")
@@ -239,7 +287,11 @@ class Attempts(msgspec.Struct, eq=False):
         if self._only_lost_connections:
             # ServiceUnavailable too: another server may offer the service by now.
             return isinstance(error, ServiceUnavailable | ConnectionLost)
-        if isinstance(error, ServerBusy | ConnectionLost) or _invites_retry(error):
+        if (
+            isinstance(error, ServerBusy | ConnectionLost)
+            or _invites_retry(error)
+            or (isinstance(error, DeadlineExceeded) and _limit(self.policy) is not None)
+        ):
             is_safe = bool(self._store_id) or self.channel.mode is Mode.IDEMPOTENT
             return error.not_executed is True or is_safe
         return isinstance(error, ServiceUnavailable)
@@ -247,6 +299,11 @@ class Attempts(msgspec.Struct, eq=False):
     def _final(self, error: TaskRpcError) -> TaskRpcError:
         """Return the error for the caller: if not the last attempt, an earlier one may have run."""
         is_no_answer = error.not_executed is True or isinstance(error, SessionExpired)
+        seconds = _limit(self.policy)
+        if isinstance(error, DeadlineExceeded) and self._made > 1 and seconds is not None:
+            problem = f"{self._made} attempts of at most {seconds:g} s, the last: {error}"
+            certainly = None if self._in_doubt else error.not_executed
+            return DeadlineExceeded(problem, not_executed=certainly)
         if not self._in_doubt or not is_no_answer:
             return error
         if isinstance(error, DeadlineExceeded):
@@ -256,3 +313,15 @@ class Attempts(msgspec.Struct, eq=False):
 
 def _invites_retry(error: TaskRpcError) -> bool:
     return isinstance(error, HandlerFailed) and error.code is Code.UNAVAILABLE
+
+
+def _limit(policy: RetryPolicy | None) -> float | None:
+    return None if policy is None else policy.attempt_timeout
+
+
+def _unsafe(service: str) -> str:
+    return (
+        f"attempt_timeout: expected an idempotent or exactly-once service, but {service} is"
+        " neither: an attempt that timed out may still run, and the next one would run it twice."
+        " Use timeout alone, or create the service with idempotent=True or exactly_once=store"
+    )

@@ -100,14 +100,15 @@ class Client(Generic[RequestT, ResponseT]):
 
         `timeout` is in seconds and covers everything: finding the service, waiting, retries.
         Nothing is sent before the call is awaited. A call of an exactly-once service is repeated
-        until its deadline if its response is lost. `request_id` is the id of its request: requests
-        with the same id run once, even if another program sends one of them.
+        until its deadline if its connection is lost. `request_id` is the id of its request:
+        requests with the same id run once, even if another program sends one of them.
 
         Raises:
             ServiceUnavailable: no server offers the service; with `retry`, none did until the
                 deadline.
             DeadlineExceeded: no response in time; the client has cancelled the call at the server.
-            InvalidRequest: a value does not fit its field.
+            InvalidRequest: a value does not fit its field, or `retry` has an `attempt_timeout` and
+                the service is neither idempotent nor exactly-once.
             TypeMismatch, ServerBusy, HandlerFailed, OutcomeUnknown, …: see `taskrpc.errors`.
         """
         deadline = self._deadline(timeout)

@@ -17,6 +17,11 @@ class RetryPolicy(msgspec.Struct, frozen=True):
     The wait before retry n (from 0) is `min(wait_max, wait_initial * wait_exp_base**n)` seconds, of
     which the fraction `wait_jitter` (0 to 1) is random. `attempts` includes the first one; None:
     retry until the call's deadline.
+
+    `attempt_timeout` limits each attempt of an idempotent or exactly-once service, in seconds. An
+    attempt without a response by then counts as failed. Calls of other services are refused with
+    InvalidRequest, because the attempt may still run. None: only the call's deadline ends an
+    attempt.
     """
 
     attempts: int | None = None
@@ -24,6 +29,7 @@ class RetryPolicy(msgspec.Struct, frozen=True):
     wait_max: float = 2.0
     wait_exp_base: float = 2.0
     wait_jitter: float = 1.0
+    attempt_timeout: float | None = None
 
     def __post_init__(self) -> None:
         attempts = self.attempts
@@ -33,10 +39,20 @@ class RetryPolicy(msgspec.Struct, frozen=True):
             _check(name, getattr(self, name), 0, math.inf, "finite seconds from 0")
         _check("wait_exp_base", self.wait_exp_base, 1, math.inf, "a finite number from 1")
         _check("wait_jitter", self.wait_jitter, 0, 1, "a share from 0 to 1")
+        if (seconds := self.attempt_timeout) is not None:
+            expected = "finite seconds above 0, or None"
+            _check("attempt_timeout", seconds, math.ulp(0.0), math.inf, expected)
 
     def allows(self, attempt: int) -> bool:
         """Return whether attempt number `attempt` (the first is 1) is allowed."""
         return self.attempts is None or attempt <= self.attempts
+
+    def attempt_ends(self, now: float, deadline: float | None) -> float | None:
+        """Return when an attempt that begins `now` ends, given the call's deadline; None: never."""
+        if self.attempt_timeout is None:
+            return deadline
+        end = now + self.attempt_timeout
+        return end if deadline is None else min(end, deadline)
 
     def wait(self, retry: int, chance: float) -> float:
         """Return the seconds to wait before retry number `retry` (from 0).

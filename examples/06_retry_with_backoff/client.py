@@ -31,7 +31,9 @@ def read_with_policy(client: sync.Client[Any, Any], policy: taskrpc.RetryPolicy)
 
 
 def main() -> None:
-    lecture = taskrpc.RetryPolicy(attempts=3, wait_initial=FIRST_WAIT, wait_max=8, wait_jitter=0)
+    lecture = taskrpc.RetryPolicy(
+        attempts=3, attempt_timeout=5, wait_initial=FIRST_WAIT, wait_max=8, wait_jitter=0
+    )
     # Short waits, drawn at random: a hundred clients must not all come back at the same moment.
     default = taskrpc.RetryPolicy()
     with sync.Node("retry_client") as node:

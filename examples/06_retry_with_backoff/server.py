@@ -40,7 +40,8 @@ def get_position(request: Any, response: Any) -> Any:
 
 async def main() -> None:
     async with taskrpc.Node("flaky_robot") as node:
-        node.create_service(Trigger, "read_sensor", read_sensor)
+        # Reading twice does no harm. Driving twice does.
+        node.create_service(Trigger, "read_sensor", read_sensor, idempotent=True)
         node.create_service(Trigger, "drive_one_metre", drive_one_metre)
         node.create_service(Trigger, "get_position", get_position)
         print("/read_sensor, /drive_one_metre and /get_position are ready; Ctrl-C ends them")

@@ -2,6 +2,7 @@
 
 import asyncio
 import copy
+import math
 import random
 
 import pytest
@@ -308,3 +309,180 @@ def test_fast_path_of_a_client_behaves_as_attempts_do(mode, failures):
         return await Attempts(channel, "request", deadline, None, budget, loop.time).result()
 
     assert result_of(outcomes, mode, fast) == result_of(outcomes, mode, slow)
+
+
+# The timeout of an attempt
+
+DELAYS = st.none() | st.integers(1, 12)
+"""Seconds until the response of an attempt, None for never. Odd halves avoid ties with timers."""
+
+
+class TimedChannel(FakeChannel):
+    """Each attempt gets its response after a delay, or fails at its deadline; as a server does."""
+
+    def send(self, request, deadline, number=None):
+        loop, delay = asyncio.get_running_loop(), self.outcomes[0]
+        self.outcomes[0] = NEVER
+        call = super().send(request, deadline, number)
+        call.began, call.deadline = loop.time(), deadline
+        end = math.inf if deadline is None else deadline
+
+        def respond(outcome):
+            if call.future.done():
+                return
+            if isinstance(outcome, Exception):
+                call.future.set_exception(outcome)
+            else:
+                call.future.set_result(outcome)
+
+        if delay is not None and loop.time() + delay + 0.5 < end:
+            loop.call_later(delay + 0.5, respond, "response")
+        elif deadline is not None:
+            loop.call_at(end, respond, DeadlineExceeded("no response by the deadline"))
+        return call
+
+
+def predicted(delays, attempt_timeout, wait, timeout, limit):
+    """How a call with these attempts must end: the result, its time, and when attempts began."""
+    now, began = 0.0, []
+    for delay in delays:
+        began.append(now)
+        end = min(now + attempt_timeout, timeout)
+        if delay is not None and now + delay + 0.5 < end:
+            return "response", now + delay + 0.5, began
+        now = end
+        if len(began) == limit or now + wait >= timeout:
+            return "late", now, began
+        now += wait
+    raise AssertionError("a call with limited attempts ends")
+
+
+def timed_call(wrong, mode, delays, attempt_timeout, wait, timeout, limit):
+    """How a call with these attempts ends, in virtual time."""
+
+    async def main():
+        loop = asyncio.get_running_loop()
+        store_id = b"S" * 16 if mode is Mode.EXACTLY_ONCE else b""
+        channel = TimedChannel(*delays, mode=mode, store_id=store_id)
+        policy_class = wrong if issubclass(wrong, RetryPolicy) else RetryPolicy
+        attempts_class = wrong if issubclass(wrong, Attempts) else Attempts
+        policy = policy_class(
+            attempts=limit,
+            attempt_timeout=attempt_timeout,
+            wait_initial=wait,
+            wait_max=wait,
+            wait_jitter=0,
+        )
+        budget, request = RetryBudget(), "request"
+        call = attempts_class(channel, request, timeout, policy, budget, loop.time)
+        try:
+            outcome = await call.result()
+        except DeadlineExceeded as error:
+            outcome, text = "late", str(error)
+        else:
+            text = ""
+        if outcome == "late" and len(channel.calls) > 1:
+            assert text.startswith(f"{len(channel.calls)} attempts of at most")
+        assert loop.time() <= timeout
+        assert all(each.future.done() for each in channel.calls), "an attempt was left open"
+        assert budget.booked == len(channel.calls) - 1
+        if mode is Mode.EXACTLY_ONCE:
+            assert {each.sequence for each in channel.sent} == {1}
+            assert {each.deadline for each in channel.calls} == {timeout}
+        return outcome, loop.time(), [each.began for each in channel.calls]
+
+    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        return runner.run(main())
+
+
+timed_calls = {
+    "mode": st.sampled_from([Mode.IDEMPOTENT, Mode.EXACTLY_ONCE]),
+    "delays": st.lists(DELAYS, min_size=5, max_size=5),
+    "attempt_timeout": st.integers(1, 6),
+    "wait": st.integers(0, 4),
+    "timeout": st.integers(1, 40),
+    "limit": st.integers(1, 5),
+}
+
+
+@settings(max_examples=examples(200), deadline=None)
+@given(**timed_calls)
+def test_each_attempt_ends_at_its_timeout_and_the_call_at_its_deadline(mode, delays, **times):
+    assert timed_call(Attempts, mode, delays, **times) == predicted(delays, **times)
+
+
+class NeverTimesOut(RetryPolicy):
+    def attempt_ends(self, now, deadline):
+        return deadline
+
+
+class IgnoresDeadline(RetryPolicy):
+    def attempt_ends(self, now, deadline):
+        return now + self.attempt_timeout
+
+
+class KeepsLateAttempts(Attempts):
+    def _forget_late(self):
+        self._late = None
+
+
+class CancelsBeforeItRepeats(Attempts):
+    """Ends an exactly-once request at the server with its first attempt."""
+
+    def _send(self):
+        end = self.policy.attempt_ends(self.now(), self.deadline)
+        return self.channel.send(self.request, end, self._request_id())
+
+
+@pytest.mark.parametrize(
+    "wrong", [NeverTimesOut, IgnoresDeadline, KeepsLateAttempts, CancelsBeforeItRepeats]
+)
+def test_wrong_timeouts_of_attempts_are_found(wrong):
+    @settings(max_examples=200, deadline=None, database=None, derandomize=True)
+    @given(**timed_calls)
+    def check(mode, delays, **times):
+        assert timed_call(wrong, mode, delays, **times) == predicted(delays, **times)
+
+    with pytest.raises(AssertionError):
+        check()
+
+
+async def test_late_attempt_is_cancelled_only_after_the_next_one_was_sent():
+    channel = FakeChannel(NEVER, NEVER, "response")
+    policy = RetryPolicy(attempt_timeout=5, wait_initial=1, wait_max=1, wait_jitter=0)
+    call = asyncio.ensure_future(attempts(channel, policy).result())
+    await asyncio.sleep(5.5)
+    assert [each.cancelled for each in channel.calls] == [False]
+    await asyncio.sleep(1)
+    assert [each.cancelled for each in channel.calls] == [True, False]
+    assert await call == "response"
+    assert [each.cancelled for each in channel.calls] == [True, True, False]
+
+
+async def test_cancelled_call_cancels_its_late_attempt_too():
+    channel = FakeChannel(NEVER)
+    call = asyncio.ensure_future(attempts(channel, RetryPolicy(attempt_timeout=5)).result())
+    await asyncio.sleep(5)
+    call.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await call
+    assert channel.calls[0].cancelled
+
+
+async def test_attempts_that_certainly_did_not_run_leave_no_doubt():
+    late = [DeadlineExceeded("no response by the deadline", not_executed=True) for _ in range(2)]
+    channel = FakeChannel(*late, mode=Mode.IDEMPOTENT, store_id=b"")
+    with pytest.raises(DeadlineExceeded) as caught:
+        await attempts(channel, RetryPolicy(attempts=2, attempt_timeout=5)).result()
+    assert caught.value.not_executed is True
+    assert str(caught.value) == "2 attempts of at most 5 s, the last: no response by the deadline"
+
+
+async def test_request_in_doubt_is_not_sent_to_a_server_that_is_no_longer_idempotent():
+    channel = FakeChannel(lost(None), mode=Mode.IDEMPOTENT, store_id=b"")
+    call = asyncio.ensure_future(attempts(channel).result())
+    await asyncio.sleep(0.005)  # between two attempts
+    channel.mode = Mode.AT_MOST_ONCE
+    with pytest.raises(OutcomeUnknown, match="is not idempotent; an earlier attempt"):
+        await call
+    assert len(channel.sent) == 1
