@@ -1,7 +1,8 @@
 """The nodes of the network for the live page, and the calls between other programs.
 
 Nodes come from the registry and from the callers of the last minute. Calls between other programs
-come from the topics `SERVICE/_service_event`, of services whose introspection is on.
+come from the topics `SERVICE/_service_event`, of services whose introspection is on. Frames come
+from the topics of transforms.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from taskrpc.qos import QoS
 from taskrpc.topic import Subscription
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.web.calls import Caller, CallLog, ShownCall, live_callers
+from taskrpc.web.transforms import TransformWatch
 
 MAX_EVENT_TOPICS = 20
 """Most services of other programs whose calls are shown."""
@@ -59,6 +61,7 @@ class NodeGraph:
         self._open: OrderedDict[tuple[str, bytes, int], ShownCall] = OrderedDict()
         """Calls that have begun, by service, client and number."""
         self._next_id = -1
+        self._transforms = TransformWatch(node)
 
     async def look(self) -> list[dict[str, Any]]:
         """Return all nodes as JSON values, and subscribe to new topics of events."""
@@ -66,14 +69,20 @@ class NodeGraph:
         nodes = nodes_json(entries, live_callers(self._calls))
         self._clients = {bytes(gid_of(each["name"])): each["name"] for each in nodes}
         self._watch(entries)
+        self._transforms.watch(entries)
         return nodes
 
+    def frames(self) -> list[dict[str, Any]]:
+        """Return the frames of `/tf` and `/tf_static` as JSON values."""
+        return self._transforms.frames()
+
     def close(self) -> None:
-        """Stop watching the calls of other programs."""
+        """Stop watching the calls and the transforms of other programs."""
         for subscription in self._subscriptions.values():
             subscription.destroy()
         self._subscriptions.clear()
         self._open.clear()
+        self._transforms.close()
 
     def _watch(self, entries: Iterable[RegistryEntry]) -> None:
         types = {

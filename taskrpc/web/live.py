@@ -1,4 +1,4 @@
-"""What the live page shows, as events: tasks, robot, path, scan, graph and class.
+"""What the live page shows, as events: tasks, robot, path, scan, graph, frames and class.
 
 `LiveTasks` makes the JSON of tasks and robot from a task manager. `Live` runs while pages are open:
 ten times a second it looks for changes and publishes them to the stream. All lists are bounded.
@@ -39,6 +39,7 @@ from taskrpc.tasks.page_events import (
 )
 from taskrpc.tasks.pages import Row, page
 from taskrpc.web.streams import CallsEvent, Event, LiveStream
+from taskrpc.web.transforms import MAX_FRAMES
 
 log = logging.getLogger("taskrpc.web")
 
@@ -49,7 +50,7 @@ PROGRESS_PERIOD = 0.5
 ROBOT_PERIOD = 1.0
 """Maximum seconds between two `robot` events while a task runs."""
 CALLS_TICKS = 2
-"""Ticks between two `calls` events."""
+"""Ticks between two `calls` events, and between two `frames` events."""
 GRAPH_PERIOD = 1.0
 """Seconds between two looks at the nodes, and at the class."""
 
@@ -252,8 +253,11 @@ class LiveGraph(Protocol):
     async def look(self) -> list[dict[str, Any]]:
         """Return all nodes as JSON values."""
 
+    def frames(self) -> list[dict[str, Any]]:
+        """Return the frames of `/tf` and `/tf_static` as JSON values."""
+
     def close(self) -> None:
-        """Stop watching the calls of other programs."""
+        """Stop watching the calls and the transforms of other programs."""
 
 
 class Live:
@@ -290,7 +294,7 @@ class Live:
         """Made when the first page opens."""
         self._running: list[asyncio.Task[None]] = []
         self._seen: dict[str, bytes] = {}
-        """The last `graph` and `class` events."""
+        """The last `graph`, `class` and `frames` events."""
         self._ticks = 0
         self._problem = ""
         """The last logged exception."""
@@ -359,6 +363,10 @@ class Live:
             calls = self._calls.event(now, always=self._ticks == 1)
             events += [] if calls is None else [calls]
         self._stream.publish(events)
+        if self._graph is not None and self._ticks % CALLS_TICKS == 1:
+            frames = self._graph.frames()
+            if frames or "frames" in self._seen:
+                self._publish_list("frames", "frames", frames, MAX_FRAMES)
 
     async def _publish_nodes(self) -> None:
         while True:

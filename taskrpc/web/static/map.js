@@ -1,6 +1,7 @@
 // Draws the map: walls, places, the robot with its path, trail and newest scan.
 
 import { DRAWING, byId, drawn, element, icon, isProjector, rem, setAttribute, setStyle, setText } from "./dom.js";
+import { frameShapes, placedFrames } from "./frames.js";
 import { turnBetween } from "./model.js";
 import { degrees } from "./words.js";
 
@@ -32,6 +33,7 @@ export class MapView {
     this.floor = drawn("g");
     this.places = drawn("g");
     this.names = drawn("g.place_names");
+    this.frames = drawn("g.frames");
     this.others = drawn("g.other_robots");
     this.fleet = element("ul#fleet", { hidden: true, "aria-label": "Robots" });
     this.scan = drawn("g.scan");
@@ -40,7 +42,7 @@ export class MapView {
     this.goal = drawn("g#goal", drawn("circle", { r: 9 }), drawn("path", { d: "M-13 0h8M5 0h8M0-13v8M0 5v8" }));
     // A drawing of its own, so that the browser moves it without painting the map again.
     this.robot = drawn("svg#robot", DRAWING, { hidden: true });
-    this.svg = drawn("svg#map_drawing", { role: "img", "aria-label": "Map" }, this.floor, this.places, this.scan, this.trail, this.path, this.goal, this.others, this.names);
+    this.svg = drawn("svg#map_drawing", { role: "img", "aria-label": "Map" }, this.floor, this.places, this.scan, this.trail, this.path, this.goal, this.others, this.names, this.frames);
     this.hover = element("span.hover_text", DRAWING);
     this.empty = element("p.empty", "Waiting for the map.");
     this.root.before(this.fleet);
@@ -91,7 +93,7 @@ export class MapView {
     this.drawFloor(map);
     this.drawPlaces(map);
     this.drawRobot(map);
-    this.update(new Set(["path", "scan", "robot", "fleet"]));
+    this.update(new Set(["path", "scan", "robot", "fleet", "frames"]));
   }
 
   at([x, y]) {
@@ -175,6 +177,8 @@ export class MapView {
     }
     if (changed.has("robot")) this.trail.setAttribute("points", points(this.model.trail.map((point) => this.at(point))));
     if (changed.has("scan")) this.drawScan();
+    // A tree of frames without a map stands at the robot.
+    if (changed.has("frames") || (changed.has("robot") && this.model.frames?.frames.length)) this.drawFrames();
   }
 
   updateText() {
@@ -204,6 +208,11 @@ export class MapView {
       return [drawn("circle", { cx, cy, r: 7 * this.unit }), drawn("text", { x: cx, y: cy + 20 * this.unit, "text-anchor": "middle" }, name)];
     });
     this.others.replaceChildren(...marks);
+  }
+
+  drawFrames() {
+    const placed = placedFrames(this.model.frames?.frames ?? [], this.model.robot);
+    this.frames.replaceChildren(...frameShapes(placed, (point) => this.at(point), this.scale, this.unit));
   }
 
   drawScan() {

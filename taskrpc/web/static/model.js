@@ -36,7 +36,7 @@ class ServerClock {
 }
 
 /** Events whose data the model keeps unchanged, with their property. */
-const PLAIN = { path: "path", scan: "scan", graph: "graph", fleet: "fleet", class: "students" };
+const PLAIN = { path: "path", scan: "scan", graph: "graph", fleet: "fleet", class: "students", frames: "frames" };
 const NO_STATS = { per_second: null, p50_ms: null, p99_ms: null, errors: null, total: 0, open: null };
 
 export class Model {
@@ -51,7 +51,7 @@ export class Model {
 
   /** Forget all state except the `hello` event: after a restart, or a jump in a recording. */
   reset() {
-    this.tasks = this.robot = this.scan = this.graph = this.fleet = this.students = this.scene = null;
+    this.tasks = this.robot = this.scan = this.graph = this.fleet = this.students = this.scene = this.frames = null;
     this.tasks_at = 0; // the server's time of the newest `tasks` event; estimates count from it
     this.poses = [];
     this.trail = [];
@@ -61,7 +61,7 @@ export class Model {
     this.new_calls = []; // calls of the events since the last frame
     this.skipped = 0; // calls that the server did not send
     this.stats = NO_STATS;
-    for (const name of ["reset", "tasks", "robot", "path", "scan", "calls", "graph", "fleet", "class", "scene"]) this.changed.add(name);
+    for (const name of ["reset", "tasks", "robot", "path", "scan", "calls", "graph", "fleet", "class", "scene", "frames"]) this.changed.add(name);
   }
 
   now() {
