@@ -44,15 +44,19 @@ def runtime_dir() -> Path:
 
     Only this user can enter it. Raises TaskRpcError if others can, or own it.
     """
+    return private_dir(runtime_path())
+
+
+def runtime_path() -> Path:
+    """Return the path of `runtime_dir`, without creating the folder."""
     from pathlib import Path
 
     if xdg := os.environ.get("XDG_RUNTIME_DIR"):
-        base = Path(xdg) / "taskrpc"
-    elif sys.platform == "win32":
-        base = Path(os.environ.get("LOCALAPPDATA") or _temporary()) / "taskrpc" / "run"
+        return Path(xdg) / "taskrpc"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or _temporary()) / "taskrpc" / "run"
     else:
-        base = Path(_temporary()) / f"taskrpc-{os.getuid()}"
-    return private_dir(base)
+        return Path(_temporary()) / f"taskrpc-{os.getuid()}"
 
 
 def _temporary() -> str:
@@ -109,15 +113,73 @@ def private_dir(path: Path) -> Path:
 
     Raises TaskRpcError if it cannot be made, is a link, or belongs to another user.
     """
+    if sys.platform != "win32":
+        os.close(open_private_dir(path))
+        return path
+    else:
+        try:
+            path.mkdir(mode=0o700, parents=True, exist_ok=True)
+            found = path.lstat()
+        except OSError as error:
+            raise TaskRpcError(f"cannot make the folder {path}: {error.strerror}") from None
+        if not stat.S_ISDIR(found.st_mode) or is_link(found):
+            raise _not_a_folder(path)
+        return path
+
+
+def open_private_dir(path: Path, *, dir_fd: int | None = None) -> int:
+    """Make a folder that only this user can enter, or check that it is one; return a descriptor.
+
+    With `dir_fd`, the descriptor of the folder above, only the last name of the path is looked up.
+    Not on Windows. Raises TaskRpcError as `private_dir` does.
+    """
+    name = path if dir_fd is None else path.name
+    flags = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_NOFOLLOW", 0)
     try:
-        path.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = path.lstat()
+        try:
+            descriptor = os.open(name, flags, dir_fd=dir_fd)
+        except FileNotFoundError:
+            if dir_fd is None:
+                path.mkdir(mode=0o700, parents=True, exist_ok=True)
+            else:
+                with contextlib.suppress(FileExistsError):
+                    os.mkdir(name, 0o700, dir_fd=dir_fd)
+            descriptor = os.open(name, flags, dir_fd=dir_fd)
     except OSError as error:
-        raise TaskRpcError(f"cannot make the folder {path}: {error.strerror}") from None
+        raise _no_folder(path, name, dir_fd, error) from None
+    try:
+        _check_owner(path, descriptor)
+    except BaseException:
+        os.close(descriptor)
+        raise
+    return descriptor
+
+
+def _no_folder(path: Path, name: Path | str, dir_fd: int | None, error: OSError) -> TaskRpcError:
+    """Return why a private folder could not be opened."""
+    try:
+        found = os.stat(name, dir_fd=dir_fd, follow_symlinks=False)
+    except OSError:
+        return TaskRpcError(f"cannot make the folder {path}: {error.strerror}")
     if not stat.S_ISDIR(found.st_mode):
-        raise TaskRpcError(f"{path}: expected a folder of this user's, found a link or a file")
-    _check_owner(path, found)
-    return path
+        return _not_a_folder(path)
+    if not is_this_user(found.st_uid):
+        return _not_ours(path)
+    return TaskRpcError(f"cannot open the folder {path}: {error.strerror}")
+
+
+def _not_a_folder(path: Path) -> TaskRpcError:
+    return TaskRpcError(f"{path}: expected a folder of this user's, found a link or a file")
+
+
+def _not_ours(path: Path) -> TaskRpcError:
+    return TaskRpcError(f"{path}: expected a folder of this user's, it belongs to another user")
+
+
+def is_link(found: os.stat_result) -> bool:
+    """Return whether a status is that of a symbolic link, or of any reparse point of Windows."""
+    attributes = getattr(found, "st_file_attributes", 0)
+    return stat.S_ISLNK(found.st_mode) or bool(attributes & stat.FILE_ATTRIBUTE_REPARSE_POINT)
 
 
 def check_private_dir(path: Path) -> None:
@@ -152,11 +214,12 @@ def peer_user(sock: socket.socket) -> int | None:
         return None
 
 
-def _check_owner(path: Path, found: os.stat_result) -> None:
+def _check_owner(path: Path, descriptor: int) -> None:
+    found = os.fstat(descriptor)
     if not is_this_user(found.st_uid):
-        raise TaskRpcError(f"{path}: expected a folder of this user's, it belongs to another user")
+        raise _not_ours(path)
     if sys.platform != "win32" and found.st_mode & 0o077:
-        path.chmod(0o700)
+        os.fchmod(descriptor, 0o700)
 
 
 def is_this_user(uid: int) -> bool:
@@ -176,10 +239,22 @@ def is_ours_or_roots(found: os.stat_result) -> bool:
     return found.st_uid == 0 or is_this_user(found.st_uid)
 
 
-def open_private(path: Path, *, must_be_new: bool = False) -> int:
-    """Open or create a file that only this user can read; returns the descriptor."""
-    flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
-    return os.open(path, flags | (os.O_EXCL if must_be_new else 0), 0o600)
+OPEN_FLAGS = (
+    os.O_RDWR
+    | getattr(os, "O_BINARY", 0)
+    | getattr(os, "O_NOFOLLOW", 0)
+    | getattr(os, "O_NONBLOCK", 0)
+)
+"""How this user's private files are opened: no link is followed, and a pipe does not block."""
+
+
+def open_private(path: Path | str, *, must_be_new: bool = False, dir_fd: int | None = None) -> int:
+    """Open or create a file that only this user can read; returns the descriptor.
+
+    With `dir_fd`, a folder's descriptor, the path is a name in this folder.
+    """
+    flags = OPEN_FLAGS | os.O_CREAT | (os.O_EXCL if must_be_new else 0)
+    return os.open(path, flags, 0o600, dir_fd=dir_fd)
 
 
 def check_private(descriptor: int, path: object) -> None:

@@ -193,7 +193,7 @@ def leaves_files_open(patch):
     from taskrpc import platform
 
     def open_private(path, **options):
-        made = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        made = os.open(path, os.O_RDWR | os.O_CREAT, 0o644, dir_fd=options.get("dir_fd"))
         os.fchmod(made, 0o644)
         return made
 

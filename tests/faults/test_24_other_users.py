@@ -108,10 +108,16 @@ def opens_the_registry(patch):
         path.chmod(0o755)
         return path
 
+    def open_private_dir(path, dir_fd=None):
+        return os.open(private_dir(path), os.O_RDONLY)
+
+    def open_private(path, must_be_new=False, dir_fd=None):
+        return os.open(path, os.O_RDWR | os.O_CREAT, 0o666, dir_fd=dir_fd)
+
     patch(platform, "private_dir", private_dir)
+    patch(platform, "open_private_dir", open_private_dir)
     patch(platform, "check_private_dir", lambda path: None)
-    flags = os.O_RDWR | os.O_CREAT
-    patch(platform, "open_private", lambda path: os.open(path, flags, 0o666))
+    patch(platform, "open_private", open_private)
 
 
 def opens_the_socket(patch):

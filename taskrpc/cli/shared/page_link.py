@@ -8,15 +8,17 @@ from __future__ import annotations
 
 import contextlib
 import os
-from pathlib import Path
+from operator import itemgetter
 
 import msgspec
 
 from taskrpc import platform
+from taskrpc.transport.discovery.registry import domain_folder
 from taskrpc.transport.settings import domain_id
 from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
 
-_FLAGS = os.O_RDWR | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
+_LONGEST = 65_536
+"""Bytes of the longest file that is read."""
 
 
 class PageLink(msgspec.Struct, frozen=True):
@@ -63,9 +65,11 @@ class NotedLink:
 
     def __init__(self, link: PageLink) -> None:
         robot = link.service.removesuffix("/robot_task").replace("/", "_")
-        self._path = _folder() / f"web-{link.pid}{robot}.page"
-        self._path.unlink(missing_ok=True)
-        self._descriptor = platform.open_private(self._path, must_be_new=True)
+        self._folder = domain_folder(domain_id())
+        self._name = f"web-{link.pid}{robot}.page"
+        with contextlib.suppress(FileNotFoundError):
+            self._folder.remove(self._name)
+        self._descriptor = self._folder.open(self._name, must_be_new=True)
         platform.lock(self._descriptor)
         os.write(self._descriptor, msgspec.json.encode(link))
 
@@ -73,31 +77,21 @@ class NotedLink:
         """Remove the file."""
         os.close(self._descriptor)
         with contextlib.suppress(OSError):
-            self._path.unlink()
+            self._folder.remove(self._name)
+        self._folder.close()
 
 
 def noted_links() -> list[PageLink]:
     """Return the links of all running servers of this domain, the newest first."""
-    found = []
-    for path in sorted(_folder().glob("web-*.page"), key=_changed_at, reverse=True):
+    folder, found = domain_folder(domain_id()), []
+    for name in folder.names():
+        if not (name.startswith("web-") and name.endswith(".page")):
+            continue
         with contextlib.suppress(OSError, msgspec.MsgspecError):
-            descriptor = os.open(path, _FLAGS)
-            try:
-                if not platform.is_locked(descriptor):  # its server was killed
-                    continue
-                with os.fdopen(os.dup(descriptor), "rb") as file:
-                    found.append(msgspec.json.decode(file.read(), type=PageLink))
-            finally:
-                os.close(descriptor)
-    return found
-
-
-def _folder() -> Path:
-    return platform.private_dir(platform.runtime_dir() / f"domain_{domain_id()}")
-
-
-def _changed_at(path: Path) -> float:
-    try:
-        return path.stat().st_mtime
-    except OSError:
-        return 0.0
+            descriptor = folder.open_existing(name)
+            with os.fdopen(descriptor, "rb") as file:
+                if platform.is_locked(descriptor):  # else its server was killed
+                    link = msgspec.json.decode(file.read(_LONGEST), type=PageLink)
+                    found.append((os.fstat(descriptor).st_mtime_ns, link))
+    folder.close()
+    return [link for _, link in sorted(found, key=itemgetter(0), reverse=True)]

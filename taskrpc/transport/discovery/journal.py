@@ -11,17 +11,19 @@ import contextlib
 import os
 import time
 import zlib
-from pathlib import Path
 
 import msgspec
 
 from taskrpc import platform
+from taskrpc.private_folder import PrivateFolder
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 
 _SLACK = 4096
 """Bytes of changes that a file may have besides twice its whole entry."""
 _HEAD = 32
 """Bytes at the beginning of a file that differ between whole entries: they contain the number."""
+LONGEST = 64 * 2**20
+"""Bytes of the longest file that is read; the entry of a million services is shorter."""
 TIME_STEP = 1000
 """Nanoseconds; every file system stores times at least this precisely."""
 
@@ -38,9 +40,9 @@ def line_of(number: int, record: RegistryEntry | EntryChange) -> bytes:
 class Journal:
     """Creates, locks and writes this process's file; only one thread may write at a time."""
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._descriptor = platform.open_private(path)
+    def __init__(self, folder: PrivateFolder, name: str) -> None:
+        self._folder, self._name = folder, name
+        self._descriptor = folder.open(name)
         platform.lock(self._descriptor)
         self._number = 0
         """The number of the last line."""
@@ -58,8 +60,8 @@ class Journal:
         tracked.apply(change)
         # Two writes within one tick of the system's clock must still differ in their times.
         self._written = max(time.time_ns(), self._written + TIME_STEP)
-        with contextlib.suppress(FileNotFoundError):  # removed: no other process can read it
-            os.utime(self._path, ns=(self._written, self._written))
+        with contextlib.suppress(OSError):  # removed: no other process can read it
+            self._folder.set_time(self._name, self._written)
 
     def close(self) -> None:
         """Close the file, which releases its lock."""
@@ -150,4 +152,4 @@ def _contents(descriptor: int, place: int, size: int = -1) -> bytes:
     os.lseek(descriptor, place, os.SEEK_SET)
     if size < 0:
         size = max(0, os.fstat(descriptor).st_size - place)
-    return os.read(descriptor, size)
+    return os.read(descriptor, min(size, LONGEST))

@@ -2,11 +2,13 @@
 
 Every process writes what it offers, and holds an operating-system lock on its file while it lives.
 A file without a lock belongs to a dead process: other processes ignore its content and remove it.
+They remove nothing else: a file that is no entry stays, and no link is followed.
 """
 
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import sys
 import time
@@ -15,24 +17,40 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from taskrpc import platform
-from taskrpc.errors import NameInUse
+from taskrpc.errors import NameInUse, TaskRpcError
+from taskrpc.private_folder import PrivateFolder
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.journal import TIME_STEP, Journal, JournalReader
+
+_logger = logging.getLogger("taskrpc")
+
+_LOCK = "lock"
+"""The file that is locked during every change; its modification time is the signature."""
+_NEVER = EntryChange()
+"""A change that changes nothing."""
+
+
+def domain_folder(domain: int) -> PrivateFolder:
+    """Open the folder of a domain's registry, and create it if necessary. Raises TaskRpcError."""
+    return PrivateFolder(platform.runtime_path(), f"domain_{domain}")
 
 
 class Registry:
     """The registry of one domain, seen from one process."""
 
     def __init__(self, domain: int) -> None:
-        self._folder = platform.private_dir(platform.runtime_dir() / f"domain_{domain}")
-        self._lock = self._folder / "lock"
-        """Locked during every change; its modification time is the registry's signature."""
-        self._path = self._folder / f"{os.getpid()}-{id(self):x}-{time.time_ns():x}.json"
+        self._folder = domain_folder(domain)
+        self._name = f"{os.getpid()}-{id(self):x}-{time.time_ns():x}.json"
+        """The name of this process's file."""
         self._journal: Journal | None = None
         """This process's file; None before the first change."""
         self._mine: TrackedEntry | None = None
-        self._readers: dict[Path, tuple[tuple[int, int], JournalReader]] = {}
+        self._readers: dict[str, tuple[tuple[int, int], JournalReader]] = {}
         """A reader for each file, with the modification time and size at its last reading."""
+        self._foreign: dict[str, tuple[int, int]] = {}
+        """Files that are no entries and have no lock, with the same two values."""
+        self._problem = ""
+        """Why the folder could not be opened the last time, "" if it could."""
         _open_registries.add(self)
 
     def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
@@ -41,14 +59,29 @@ class Registry:
         `claim` names a service that this process alone may offer. Raises NameInUse, and changes
         nothing, if another process offers it.
         """
-        with platform.locked(self._lock):
+        self._renew()
+        self._write(tracked, change, claim)
+
+    def _write(self, tracked: TrackedEntry, change: EntryChange, claim: str) -> None:
+        with self._folder.locked(_LOCK):
             if claim:
                 self._refuse_second(claim)
             if self._journal is None:
-                self._journal = Journal(self._path)
+                self._journal = Journal(self._folder, self._name)
             self._journal.write(tracked, change)
             self._mine = tracked
             self._touch()
+
+    def _renew(self) -> None:
+        """If the folder was removed or replaced, open it again and write this process's entry.
+
+        Raises TaskRpcError and OSError.
+        """
+        if self._folder.renew() and self._journal is not None:
+            self._journal.close()
+            self._journal = None
+        if self._journal is None and self._mine is not None:
+            self._write(self._mine, _NEVER, "")
 
     def tracked_entries(self) -> list[TrackedEntry]:
         """The tracked entries of all living processes, this one included, oldest first."""
@@ -57,15 +90,17 @@ class Registry:
 
     def others(self) -> list[TrackedEntry]:
         """The tracked entries of all other living processes."""
+        if not self._is_there():
+            return []
         found: list[TrackedEntry] = []
         unclear = []
-        for path in self._others():
-            with contextlib.suppress(OSError), self._opened(path) as descriptor:
-                tracked = self._read(path, descriptor) if platform.is_locked(descriptor) else None
-                if tracked is None:
-                    unclear.append(path)
-                else:
+        for name in self._others():
+            with contextlib.suppress(OSError), self._opened(name) as descriptor:
+                tracked = self._read(name, descriptor) if platform.is_locked(descriptor) else None
+                if tracked is not None:
                     found.append(tracked)
+                elif self._foreign.get(name) != _signature(descriptor):
+                    unclear.append(name)
         if unclear:
             found += self._second_look(unclear)
         return found
@@ -78,26 +113,39 @@ class Registry:
         """A value that changes when any entry has changed; cheap enough to poll."""
         # One file for any number of processes: every change sets the time of the lock file.
         try:
-            return os.stat(self._lock).st_mtime_ns
+            return self._folder.status(_LOCK).st_mtime_ns if self._is_there() else 0
         except OSError:
             return 0
 
+    def _is_there(self) -> bool:
+        """Return whether the folder is open, after `_renew`; log a new reason if it is not."""
+        try:
+            self._renew()
+        except (TaskRpcError, OSError) as error:
+            if str(error) != self._problem:
+                self._problem = str(error)
+                _logger.warning("this program finds no others: %s", error)
+            return False
+        self._problem = ""
+        return True
+
     def _touch(self) -> None:
         """Change the signature, so that waiting processes look again; called under the lock."""
-        now = max(time.time_ns(), self.signature() + TIME_STEP)
         with contextlib.suppress(OSError):
-            os.utime(self._lock, ns=(now, now))
+            now = max(time.time_ns(), self._folder.status(_LOCK).st_mtime_ns + TIME_STEP)
+            self._folder.set_time(_LOCK, now)
 
     def close(self) -> None:
         """Remove this process's entry."""
         if self._journal is not None:
-            with contextlib.suppress(OSError):
+            with contextlib.suppress(OSError, TaskRpcError):
                 if sys.platform == "win32":
                     self.abandon()
-                with platform.locked(self._lock):
-                    self._path.unlink(missing_ok=True)
+                with self._folder.locked(_LOCK):
+                    self._folder.remove(self._name)
                     self._touch()
             self.abandon()
+        self._folder.close()
 
     def abandon(self) -> None:
         """Close the file without removing it: in a forked child, it belongs to the parent."""
@@ -106,63 +154,71 @@ class Registry:
             journal.close()
 
     def _refuse_second(self, claim: str) -> None:
-        for path in self._others():
-            with contextlib.suppress(OSError), self._opened(path) as descriptor:
+        for name in self._others():
+            with contextlib.suppress(OSError), self._opened(name) as descriptor:
                 if not platform.is_locked(descriptor):
                     continue
-                tracked = self._read(path, descriptor)
+                tracked = self._read(name, descriptor)
                 if tracked is not None and tracked.offers(claim):
                     raise NameInUse(_second_server(claim, tracked.about))
 
-    def _others(self) -> list[Path]:
-        mine = self._path if self._journal is not None else None
-        paths = [path for path in self._files() if path != mine]
-        if len(self._readers) > len(paths):
-            self._readers = {path: self._readers[path] for path in paths if path in self._readers}
-        return paths
+    def _others(self) -> list[str]:
+        mine = self._name if self._journal is not None else None
+        names = [name for name in self._files() if name != mine]
+        if len(self._readers) + len(self._foreign) > len(names):
+            self._readers = {name: self._readers[name] for name in names if name in self._readers}
+            self._foreign = {name: self._foreign[name] for name in names if name in self._foreign}
+        return names
 
-    def _files(self) -> Iterator[Path]:
-        with contextlib.suppress(OSError), os.scandir(self._folder) as found:
-            for item in found:
-                if item.name.endswith(".json"):
-                    yield Path(item.path)
+    def _files(self) -> list[str]:
+        with contextlib.suppress(OSError):
+            return [name for name in self._folder.names() if name.endswith(".json")]
+        return []
 
     @contextlib.contextmanager
-    def _opened(self, path: Path) -> Iterator[int]:
-        flags = os.O_RDWR | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
-        descriptor = os.open(path, flags)
+    def _opened(self, name: str) -> Iterator[int]:
+        descriptor = self._folder.open_existing(name)
         try:
             yield descriptor
         finally:
             os.close(descriptor)
 
-    def _read(self, path: Path, descriptor: int) -> TrackedEntry | None:
-        status = os.fstat(descriptor)
-        signature = (status.st_mtime_ns, status.st_size)
-        known, reader = self._readers.get(path) or (None, JournalReader())
+    def _read(self, name: str, descriptor: int) -> TrackedEntry | None:
+        signature = _signature(descriptor)
+        known, reader = self._readers.get(name) or (None, JournalReader())
         if known != signature or reader.tracked is None:
             reader.read(descriptor)
-            self._readers[path] = signature, reader
+            self._readers[name] = signature, reader
         return reader.tracked
 
-    def _second_look(self, paths: list[Path]) -> list[TrackedEntry]:
-        """Read again, under the lock, files without a lock or a valid entry; remove dead ones.
+    def _second_look(self, names: list[str]) -> list[TrackedEntry]:
+        """Read again, under the lock, files without a lock or a valid entry; remove dead entries.
 
         A living process may have been about to lock its file, or to write it.
         """
         found = []
-        with platform.locked(self._lock):
-            for path in paths:
+        with contextlib.suppress(TaskRpcError), self._folder.locked(_LOCK):
+            for name in names:
                 with contextlib.suppress(OSError):
-                    with self._opened(path) as descriptor:
+                    with self._opened(name) as descriptor:
                         alive = platform.is_locked(descriptor)
-                        tracked = self._read(path, descriptor)
-                    if not alive:
-                        path.unlink()
-                        self._touch()
-                    elif tracked is not None:
+                        tracked = self._read(name, descriptor)
+                        if tracked is None and not alive:
+                            self._foreign[name] = _signature(descriptor)
+                    if tracked is None:
+                        continue
+                    if alive:
                         found.append(tracked)
+                    else:
+                        self._folder.remove(name)
+                        self._touch()
         return found
+
+
+def _signature(descriptor: int) -> tuple[int, int]:
+    """Return a file's modification time and size; every change of an entry changes them."""
+    status = os.fstat(descriptor)
+    return status.st_mtime_ns, status.st_size
 
 
 def _second_server(name: str, entry: RegistryEntry) -> str:

@@ -6,15 +6,14 @@ import sys
 
 import pytest
 
-from taskrpc.cli.shared import page_link
 from taskrpc.cli.shared.page_link import NotedLink, PageLink, noted_links
-from taskrpc.transport.discovery.registry import Registry
+from taskrpc.transport.discovery.registry import Registry, domain_folder
 
 LINK = PageLink(7, "http://127.0.0.1:1", "VIEW", "CONTROL")
 
 
 def files():
-    return sorted(page_link._folder().glob("web-*"))
+    return sorted(domain_folder(0).path.glob("web-*"))
 
 
 def test_noted_links_are_found_until_they_are_removed():

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from taskrpc.private_folder import PrivateFolder
 from taskrpc.transport.discovery import journal as module
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.journal import Journal, JournalReader, line_of
@@ -89,7 +90,7 @@ def test_wherever_a_write_ends_readers_find_the_old_state_or_the_new(changes, tm
     with pytest.MonkeyPatch.context() as monkeypatch, scratch(folder) as cut:
         monkeypatch.setattr(module, "_SLACK", 0)  # so that new entries are often written
         disk = Disk(monkeypatch)
-        journal, tracked = Journal(folder / "journal"), TrackedEntry(ABOUT)
+        journal, tracked = Journal(PrivateFolder(folder), "journal"), TrackedEntry(ABOUT)
         # One reader reads every state, the other one every fiftieth.
         readers = {1: JournalReader(), 50: JournalReader()}
         old, looks = None, 0
@@ -122,7 +123,7 @@ def test_a_full_disk_leaves_the_old_state_and_the_next_write_succeeds(
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(module, "_SLACK", 0)
         disk = Disk(monkeypatch)
-        journal, tracked = Journal(path), TrackedEntry(ABOUT)
+        journal, tracked = Journal(PrivateFolder(path.parent), path.name), TrackedEntry(ABOUT)
         for number, change in enumerate(changes):
             if number == at:
                 disk.fails_after = full
@@ -151,7 +152,7 @@ def test_a_reader_takes_no_line_twice_and_none_out_of_turn(tmp_path):
 
 def test_a_journal_stays_small_after_many_changes(tmp_path):
     path = tmp_path / "journal"
-    journal, tracked = Journal(path), TrackedEntry(ABOUT)
+    journal, tracked = Journal(PrivateFolder(path.parent), path.name), TrackedEntry(ABOUT)
     for n in range(2000):
         journal.write(tracked, EntryChange(node="/n", gone=bool(n % 2)))
         assert path.stat().st_size < 8192
@@ -160,7 +161,11 @@ def test_a_journal_stays_small_after_many_changes(tmp_path):
 
 def test_a_reader_reads_on_instead_of_beginning_anew(tmp_path, monkeypatch):
     path = tmp_path / "journal"
-    journal, tracked, reader = Journal(path), TrackedEntry(ABOUT), JournalReader()
+    journal, tracked, reader = (
+        Journal(PrivateFolder(path.parent), path.name),
+        TrackedEntry(ABOUT),
+        JournalReader(),
+    )
     read, total = os.read, []
     monkeypatch.setattr(os, "read", lambda *args: total.append(read(*args)) or total[-1])
     for n in range(1000):

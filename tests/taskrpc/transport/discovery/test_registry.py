@@ -48,7 +48,7 @@ def other():
 
 
 def files(registry):
-    return sorted(path.name for path in registry._files())
+    return sorted(registry._files())
 
 
 def test_a_published_entry_is_visible_to_other_processes(registry, other):
@@ -127,13 +127,13 @@ def test_a_forked_child_that_closes_leaves_its_parents_entry(registry, other):
 
 def test_concurrent_readers_agree_on_living_and_dead_processes(registry, other):
     publish(registry, entry(services=(ADD,)))
-    left_over = registry._folder / "1-dead.json"
+    left_over = registry._folder.path / "1-dead.json"
     problems = []
 
     def look():
         looking = Registry(0)
         for _ in range(60):
-            left_over.write_bytes(b"00000000 {}\n")
+            left_over.write_bytes(line_of(1, entry(script="dead.py")))
             if [each.script for each in looking.entries()] != ["adder.py"]:
                 problems.append(looking.entries())
 
@@ -190,7 +190,7 @@ def test_a_reader_never_sees_half_an_entry(registry):
     ],
 )
 def test_an_unreadable_entry_of_a_living_process_is_passed_over(registry, contents):
-    path = registry._folder / "2-odd.json"
+    path = registry._folder.path / "2-odd.json"
     descriptor = platform.open_private(path)
     platform.lock(descriptor)
     os.write(descriptor, contents)
@@ -325,23 +325,23 @@ def test_a_second_offer_of_a_name_is_refused_with_all_that_helps(registry, other
 
 
 def test_a_dead_process_does_not_hold_a_name(registry):
-    (registry._folder / "1-dead.json").write_bytes(line_of(1, entry(services=(ADD,))))
+    (registry._folder.path / "1-dead.json").write_bytes(line_of(1, entry(services=(ADD,))))
     publish(registry, entry(services=(ADD,)), claim="/add")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="modes are POSIX's")
 def test_folder_and_entry_are_the_users_alone(registry):
     publish(registry, entry())
-    for path in (registry._folder, registry._folder.parent):
+    for path in (registry._folder.path, registry._folder.path.parent):
         assert stat.S_IMODE(path.stat().st_mode) == 0o700
-    assert stat.S_IMODE(registry._path.stat().st_mode) == 0o600
+    assert stat.S_IMODE((registry._folder.path / registry._name).stat().st_mode) == 0o600
 
 
 @pytest.mark.skipif(os.name != "posix", reason="modes are POSIX's")
 def test_a_folder_open_to_others_is_closed_to_them(registry):
-    registry._folder.chmod(0o755)
+    registry._folder.path.chmod(0o755)
     Registry(0)
-    assert stat.S_IMODE(registry._folder.stat().st_mode) == 0o700
+    assert stat.S_IMODE(registry._folder.path.stat().st_mode) == 0o700
 
 
 @pytest.mark.skipif(os.name != "posix", reason="links and owners are POSIX's")
@@ -360,7 +360,7 @@ def test_a_folder_that_is_a_link_or_another_users_is_refused(tmp_path, monkeypat
 
 def test_a_link_in_the_folder_is_not_followed(registry, tmp_path, symlink):
     (tmp_path / "forged").write_bytes(line_of(1, entry(script="forged")))
-    link = registry._folder / "9-link.json"
+    link = registry._folder.path / "9-link.json"
     symlink(link, tmp_path / "forged")
     assert registry.entries() == []
     assert Path(tmp_path / "forged").exists()
@@ -379,7 +379,7 @@ def test_every_change_changes_the_signature_also_where_the_clock_stands_ahead(
 
 def leave_behind(registry, name="1-dead.json"):
     """Create the file of a dead process."""
-    left = registry._folder / name
+    left = registry._folder.path / name
     left.write_bytes(line_of(1, entry(script="dead.py", services=(ADD,))))
     return left
 
@@ -397,10 +397,10 @@ def test_dead_entries_that_cannot_be_removed_are_passed_over(registry, other, mo
     publish(other, entry())
     leave_behind(registry)
 
-    def refused(self, missing_ok=False):
+    def refused(path, **options):
         raise PermissionError(13, "not yours")
 
-    monkeypatch.setattr(Path, "unlink", refused)
+    monkeypatch.setattr(os, "unlink", refused)
     assert [each.script for each in registry.entries()] == ["adder.py"]
     other.close()  # its own file cannot be removed either
     assert registry.entries() == []
@@ -450,8 +450,8 @@ def test_kernel_of_a_notebook_is_named_after_the_notebook(session, name, monkeyp
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no open files")
 def test_a_process_whose_file_was_removed_can_still_publish(registry):
     publish(registry, entry())
-    for path in registry._folder.iterdir():
+    for path in registry._folder.path.iterdir():
         path.unlink()
     publish(registry, entry())
     registry.close()
-    assert [path.name for path in registry._folder.iterdir()] == ["lock"]
+    assert [path.name for path in registry._folder.path.iterdir()] == ["lock"]
