@@ -223,8 +223,15 @@ def _check_loop() -> None:
 
 
 def is_lost(connection: Connection, error: BaseException) -> bool:
-    """Return whether an error means that the connection is gone, not that a statement is wrong."""
-    return connection.closed or connection.broken or isinstance(error, TimeoutError)
+    """Return whether an error means that the connection is gone, not that a statement is wrong.
+
+    PostgreSQL may report the end of a session, FATAL, after it has committed. Only an ERROR
+    belongs to a statement, and proves that no later statement of the transaction ran.
+    """
+    if connection.closed or connection.broken or isinstance(error, OSError):
+        return True
+    severity = getattr(getattr(error, "diag", None), "severity_nonlocalized", None)
+    return isinstance(error, psycopg.OperationalError) and severity != "ERROR"
 
 
 async def check_pooling(url: DatabaseUrl) -> None:

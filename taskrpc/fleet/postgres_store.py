@@ -7,7 +7,9 @@ then write and commit.
 
 NOTIFY wakes the other servers. Because a notification can be lost, each server also looks after
 `POLL` seconds. If a connection is lost during a COMMIT, the store connects again and looks for the
-number of the transaction in `taskrpc_writer`: it is there only if the transaction took effect.
+number of the transaction in `taskrpc_writer`: it is there only if the transaction took effect. So
+each attempt takes a number of its own. An attempt whose outcome stays unknown may have stored its
+number, and the next attempt must not find that one.
 """
 
 from __future__ import annotations
@@ -122,10 +124,18 @@ _SAVE_BATCH = """
     INSERT INTO taskrpc_writer (writer, batch) VALUES (%s, %s)
     ON CONFLICT (writer) DO UPDATE SET batch = excluded.batch, used_at = clock_timestamp()
 """
-_READ_BATCH = "SELECT batch FROM taskrpc_writer WHERE writer = %s"
+# It writes, so that a standby refuses it: there, a committed transaction may still be missing. And
+# its commit waits for the standbys that the operator wants to have each commit.
+_FIND_BATCH = """
+    WITH found AS (
+        UPDATE taskrpc_writer SET used_at = clock_timestamp() WHERE writer = %s RETURNING batch
+    )
+    SELECT (SELECT batch FROM found), extract(epoch FROM clock_timestamp())::float8
+"""
+_BATCHES_KEPT = 86_400.0  # seconds
 _FORGET_BATCHES = """
     DELETE FROM taskrpc_writer
-    WHERE writer = %s OR used_at < clock_timestamp() - interval '1 day'
+    WHERE writer = %s OR used_at < clock_timestamp() - make_interval(secs => %s)
 """
 _END_OTHERS = """
     SELECT pg_terminate_backend(pid) FROM pg_stat_activity
@@ -156,7 +166,7 @@ class PostgresStore(FleetStore):
         self._listen = listen
         self._writer_name = f"taskrpc writer {os.urandom(8).hex()}"
         self._batch = 0
-        """The number of this store's last transaction."""
+        """The number of this store's last attempt at a transaction; each attempt has its own."""
         self._connection: Connection | None = None
         self._reader: Connection | None = None
         self._reading = asyncio.Lock()
@@ -286,14 +296,13 @@ class PostgresStore(FleetStore):
         while True:
             try:
                 connection = await self._connected()
-                return await answered(connection, self._transaction(connection, batch))
-            except _Uncertain as uncertain:
-                if await self._took_effect(uncertain, deadline + PATIENCE):
-                    self._known = self.state.meta.revision
-                    changes = self.state.take_changes()
-                    return uncertain.outcomes, [*uncertain.changed, *changes.tasks]
-                self.state.undo()
-                problem: Exception = uncertain
+                try:
+                    return await answered(connection, self._transaction(connection, batch))
+                except _Uncertain as uncertain:
+                    if await self._took_effect(uncertain, deadline + PATIENCE):
+                        return uncertain.outcomes, self._committed(uncertain.changed)
+                    problem: Exception = uncertain
+                    self.state.undo()
             except (*FAILURES, StoreError) as error:
                 # Nothing was committed: the error came before, or PostgreSQL has reported it.
                 self.state.undo()
@@ -303,12 +312,21 @@ class PostgresStore(FleetStore):
                 if not connection_lost:
                     raise self._error(problem) from problem
             except BaseException:
+                # The next transaction and the next look connect again, and read everything.
                 self.state.undo()
                 await self._disconnect()
                 raise
             if loop.time() >= deadline:
                 raise self._error(problem) from problem
             await asyncio.sleep(_RETRY_AFTER)
+
+    def _committed(self, changed: Sequence[int]) -> list[int]:
+        """Keep the changes of a transaction in the copy; return all changed tasks."""
+        self._known = self.state.meta.revision
+        changes = self.state.take_changes()
+        if changes.cleared:
+            self._store_id = b""
+        return [*changed, *changes.tasks]
 
     async def _transaction(
         self, connection: Connection, batch: Sequence[Pending[Any]]
@@ -333,19 +351,15 @@ class PostgresStore(FleetStore):
             await connection.execute("ROLLBACK")
             self.state.take_changes()
             return outcomes, changed
-        number = self._batch + 1
+        self._batch += 1
+        number, begun = self._batch, self._now()
         try:
             await self._write_changes(connection, changes, number)
         except FAILURES as error:
             if is_lost(connection, error):
-                raise _Uncertain(number, outcomes, changed, error) from error
+                raise _Uncertain(number, begun, outcomes, changed, error) from error
             raise
-        self._batch = number
-        self._known = self.state.meta.revision
-        if changes.cleared:
-            self._store_id = b""
-        self.state.take_changes()
-        return outcomes, [*changed, *changes.tasks]
+        return outcomes, self._committed(changed)
 
     async def _write_changes(self, connection: Connection, changes: Changes, number: int) -> None:
         meta = self.state.meta
@@ -403,21 +417,15 @@ class PostgresStore(FleetStore):
             await self._disconnect()
             try:
                 connection = await self._connected()
-                if await answered(connection, self._is_stored(connection, uncertain.number)):
-                    self._batch = uncertain.number
-                    return True
-                return False
+                return await answered(connection, self._is_stored(connection, uncertain))
             except (*FAILURES, StoreError) as error:
                 if loop.time() >= deadline:
-                    self.state.undo()
-                    self.state.forget_all()
-                    self._known = -1
                     problem = f"{self.url}: the connection was lost during a commit"
                     reason = self.url.without_password(str(error))
                     raise OutcomeUnknown(f"{problem}, and then: {reason}") from error
             await asyncio.sleep(_RETRY_AFTER)
 
-    async def _is_stored(self, connection: Connection, number: int) -> bool:
+    async def _is_stored(self, connection: Connection, uncertain: _Uncertain) -> bool:
         # The process in PostgreSQL that served the lost connection may still be at work.
         for _ in range(_ENDING_LOOKS):
             if not await _rows(connection, _END_OTHERS, (self._writer_name,)):
@@ -425,8 +433,13 @@ class PostgresStore(FleetStore):
             await asyncio.sleep(0.01)
         else:
             raise StoreError(f"{self.url}: the lost connection does not end")
-        rows = await _rows(connection, _READ_BATCH, (self._writer_name,))
-        return bool(rows) and rows[0][0] == number
+        ((number, now),) = await _rows(connection, _FIND_BATCH, (self._writer_name,))
+        if number is None and now - uncertain.begun > _BATCHES_KEPT / 2:
+            # As after a pause of this process: another server may have forgotten the number.
+            raise OutcomeUnknown(
+                f"{self.url}: the connection was lost during a commit, and the check came too late"
+            )
+        return bool(number == uncertain.number)
 
     def _error(self, error: BaseException) -> TaskRpcError:
         if isinstance(error, StoreError):
@@ -473,9 +486,8 @@ class PostgresStore(FleetStore):
         await self._idle()
         if self._connection is not None:
             with contextlib.suppress(*FAILURES):
-                await answered(
-                    self._connection, _rows(self._connection, _FORGET_BATCHES, (self._writer_name,))
-                )
+                values = self._writer_name, _BATCHES_KEPT
+                await answered(self._connection, _rows(self._connection, _FORGET_BATCHES, values))
         await self._disconnect()
         reader, self._reader = self._reader, None
         await close(reader)
@@ -514,9 +526,15 @@ class _Uncertain(Exception):
     """The connection was lost while a transaction was being written and committed."""
 
     def __init__(
-        self, number: int, outcomes: list[Outcome], changed: list[int], error: Exception
+        self,
+        number: int,
+        begun: float,
+        outcomes: list[Outcome],
+        changed: list[int],
+        error: Exception,
     ) -> None:
         self.number = number
+        self.begun = begun  # on the database's clock
         self.outcomes = outcomes
         self.changed = changed
         super().__init__(str(error))

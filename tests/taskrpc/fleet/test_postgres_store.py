@@ -5,10 +5,11 @@ import time
 
 import pytest
 
-from taskrpc.errors import StoreError
+from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.fleet import rules
 from taskrpc.fleet.store import AlreadyCompleted
 from taskrpc.request_ids.ids import Completion
+from tests.faults.postgres_proxy import CUT, SWALLOW, PostgresProxy
 from tests.taskrpc.fleet.fakes import robot, task
 from tests.taskrpc.tasks.records.store_rules import StoreRules
 
@@ -243,3 +244,77 @@ async def test_leases_of_servers_with_wrong_clocks_end_by_the_databases_clock(
     for store in stores:
         assert abs(store.now() - ends[1]) < 60
         await store.close()
+
+
+# Commits without an answer
+
+
+@pytest.fixture
+async def proxy(shared_cluster):
+    async with PostgresProxy(shared_cluster.port) as proxy:
+        yield proxy
+
+
+@pytest.fixture
+async def proxied(postgres_url, shared_cluster, proxy, monkeypatch):
+    """A store behind the proxy, which has task 1; it waits briefly for a database that is away."""
+    url = postgres_url.replace(f":{shared_cluster.port}/", f":{proxy.port}/")
+    store = PostgresStore(url, listen=False)
+    await store.apply([task(1)])
+    monkeypatch.setattr("taskrpc.fleet.postgres_store.PATIENCE", 0.1)
+    yield store
+    await store.close()
+
+
+async def test_copy_is_read_again_after_a_commit_of_unknown_outcome(proxied, proxy):
+    proxy.arm(CUT, away=True)
+    with pytest.raises(OutcomeUnknown, match="the connection was lost during a commit"):
+        await proxied.apply([task(2)])
+    assert sorted(proxied.state.tasks) == [1], "the last state that is known"
+    proxy.is_away = False
+    await proxied.refresh()
+    assert sorted(proxied.state.tasks) == [1, 2]
+
+
+async def test_standby_cannot_say_that_a_commit_took_no_effect(
+    proxied, proxy, postgres_url, shared_cluster
+):
+    setting = f"ALTER DATABASE {postgres_url.rpartition('/')[2]} SET default_transaction_read_only"
+    shared_cluster.execute(f"{setting} = on")  # of new sessions, as on a standby
+    proxy.arm(CUT)
+    with pytest.raises(OutcomeUnknown, match="read-only transaction"):
+        await proxied.apply([task(2)])
+    shared_cluster.execute(f"{setting} = off")
+    assert [each.task_id for each in (await proxied.load()).tasks] == [1, 2]
+
+
+async def test_number_that_may_be_forgotten_leaves_the_outcome_unknown(
+    proxied, proxy, postgres_url, monkeypatch
+):
+    monkeypatch.setattr("taskrpc.fleet.postgres_store._BATCHES_KEPT", 0.0)
+    with psycopg.connect(postgres_url, autocommit=True) as other:
+        other.execute("DELETE FROM taskrpc_writer")
+    proxy.arm(SWALLOW)
+    with pytest.raises(OutcomeUnknown, match="the check came too late"):
+        await proxied.apply([task(2)])
+
+
+async def test_store_is_used_on_after_it_was_cleared_without_an_answer(proxied, proxy):
+    proxy.arm(CUT)
+    await proxied.clear()
+    await proxied.apply([task(1)])
+    assert [each.task_id for each in (await proxied.load()).tasks] == [1]
+
+
+async def test_cancelled_check_of_a_commit_leaves_a_store_that_works(proxied, proxy):
+    proxy.arm(CUT, away=True)
+    changing = proxied.apply([task(2)])
+    while not proxy.is_away:
+        await asyncio.sleep(0.01)
+    proxied._writing.cancel()
+    with pytest.raises(OutcomeUnknown, match="the server ended"):
+        await changing
+    assert sorted(proxied.state.tasks) == [1]
+    proxy.is_away = False
+    await proxied.apply([task(3)])
+    assert [each.task_id for each in (await proxied.load()).tasks] == [1, 2, 3]
