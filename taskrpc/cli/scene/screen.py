@@ -13,6 +13,10 @@ MOST_COLUMNS = 88
 """Columns of the text, also on a wider terminal: a class reads short lines."""
 _MOMENT_LINES = 3
 """Most lines of one thing that happens; a program that runs alone prints all of an explanation."""
+_CAUSE_LINES = 4
+"""Most lines of the cause of a longer explanation; the advice behind the cause is left out."""
+_CONTINUED = 4
+"""Columns by which the rest of a long line of a program stands to the right of its beginning."""
 _LABEL = 10
 """Columns of the labels at the left."""
 
@@ -39,21 +43,34 @@ class Screen:
 
     def code(self, lines: Sequence[Line]) -> list[str]:
         """Return lines of a program with their numbers; a mark points at some of them."""
-        return [*(self._code(each) for each in lines), ""]
+        return [*(part for each in lines for part in self._code(each)), ""]
 
-    def _code(self, line: Line) -> str:
-        mark = ">" if line.is_marked else " "
-        text = f"{mark} {line.number:>3}  {line.text}".rstrip()
-        return self._in(_MARKED, text) if line.is_marked else text
+    def _code(self, line: Line) -> Iterator[str]:
+        head = f"{'>' if line.is_marked else ' '} {line.number:>3}  "
+        margin = " " * (len(line.text) - len(line.text.lstrip()) + _CONTINUED)
+        width = max(20, self.columns - len(head))
+        texts = textwrap.wrap(line.text, width, subsequent_indent=margin, break_on_hyphens=False)
+        for number, text in enumerate(texts or [""]):
+            shown = f"{head if number == 0 else ' ' * len(head)}{text}".rstrip()
+            yield self._in(_MARKED, shown) if line.is_marked else shown
 
     def moment(self, moment: Moment) -> list[str]:
         """Return the lines of one thing that happens."""
         actor = self._in(_COLOURS.get(moment.actor, ""), f"{moment.actor:<8}")
         label = f"{moment.at:4.1f} s  {actor} "
-        texts = self._wrapped(moment.text, len("99.9 s  program  "))
-        if len(texts) > _MOMENT_LINES:
-            texts = [*texts[: _MOMENT_LINES - 1], f"{texts[_MOMENT_LINES - 1]} …"]
-        return [label + texts[0], *(" " * 17 + text for text in texts[1:])]
+        first, *others = self._shortened(moment.text, len("99.9 s  program  "))
+        return [label + first, *(" " * 17 + text for text in others)]
+
+    def _shortened(self, text: str, indent: int) -> list[str]:
+        """Return a text on a few lines: if it is long, only its cause, which ends at a semicolon."""
+        lines = self._wrapped(text, indent)
+        if len(lines) <= _MOMENT_LINES:
+            return lines
+        cause, separator, _ = text.partition("; ")
+        lines = self._wrapped(f"{cause} …" if separator else text, indent)
+        if len(lines) <= _CAUSE_LINES:
+            return lines
+        return [*lines[: _CAUSE_LINES - 1], f"{lines[_CAUSE_LINES - 1]} …"]
 
     def explanation(self, scene: Scene, *, cure: bool, like_ros: bool) -> list[str]:
         """Return what the class has seen and why; for a cure, what to do."""

@@ -1,5 +1,7 @@
 """The lines that a projector shows."""
 
+import pytest
+
 from taskrpc.cli.scene.screen import Screen
 from taskrpc.scenes.catalogue import SCENES, scene
 from taskrpc.scenes.moments import Moment
@@ -20,12 +22,34 @@ def test_code_has_numbers_and_a_mark():
     assert Screen().code(lines) == ["    9  if a:", "   10", ">  11      b()", ""]
 
 
-def test_long_text_takes_three_lines():
+def test_long_text_takes_four_lines():
     lines = Screen(60).moment(Moment(1.26, "taskrpc", "why " * 100))
-    assert len(lines) == 3
+    assert len(lines) == 4
     assert lines[0].startswith(" 1.3 s  taskrpc  why why")
     assert lines[1].startswith(" " * 17 + "why")
-    assert lines[2].endswith(" …")
+    assert lines[3].endswith(" …")
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_circle_of_the_deadlock_is_shown_until_it_closes(columns):
+    circle = (
+        "ROS 2 would hang here for ever: Client.call in a callback waits in a circle:"
+        " Doubler.double() (service /double) of /doubler -> /add -> the only thread that spins"
+        " /doubler -> Doubler.double() (service /double) of /doubler"
+    )
+    advice = "; make the callback `async def` and await client.call_async(request)" * 3
+    lines = Screen(columns).moment(Moment(0.0, "taskrpc", circle + advice))
+    shown = " ".join(line[17:] for line in lines)
+    assert shown == f"{circle} …"
+
+
+def test_long_line_of_a_program_continues_below_its_beginning():
+    line = Line(9, "    total = first_of_all(arguments) + second_of_all(arguments)", is_marked=True)
+    assert Screen(50).code([line]) == [
+        ">   9      total = first_of_all(arguments) +",
+        "               second_of_all(arguments)",
+        "",
+    ]
 
 
 def test_explanation_says_what_both_systems_do():
@@ -56,4 +80,4 @@ def test_no_line_is_wider_than_a_projector():
             ]
             assert max(map(len, lines)) <= 80
             code = Screen(80).code(excerpt(each, cure=cure).lines(program))
-            assert max(map(len, code)) <= 100
+            assert max(map(len, code)) <= 80
