@@ -7,7 +7,9 @@ import sys
 
 import pytest
 
+from taskrpc.scenes.catalogue import SCENES
 from tests.browser.chromium import LAPTOP, PHONE
+from tests.browser.legible import all_faults, faults
 
 MOMENTS = "#scene_panel .scene_moments li"
 TEXTS = "#scene_panel .scene_texts"
@@ -19,12 +21,14 @@ LOOKS = {
 
 
 @pytest.fixture
-def url():
+def url(tabs):
     """The address of the page of `taskrpc scene --page`."""
     options = ["--page", "--port", "0", "--no-browser"]
     command = [sys.executable, "-m", "taskrpc", "scene", *options]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as serving:
         yield serving.stdout.readline().split()[-1].partition("?")[0]
+        assert tabs.problems() == []
+        tabs.expect("ERR_CONNECTION", "ERR_INCOMPLETE")  # the pages try to connect again
         serving.terminate()
         assert serving.wait(20) == 0
 
@@ -103,3 +107,67 @@ def test_page_of_a_task_server_says_how_to_start_the_scenes(tabs, start_server):
 def test_address_without_a_scene_leads_to_the_list(tabs, url):
     tab = tabs.open(url)
     tab.wait(lambda: len(tab.all("#scene_panel .scene_list a")) == 10, "the list of scenes")
+
+
+@pytest.mark.parametrize("scene", [each.name for each in SCENES])
+def test_each_scene_fits_on_a_projector(tabs, url, scene):
+    link = f"{url}?scene={scene}&projector"
+    tab = tabs.open(link)
+    tab.find("#scene_panel .primary")
+    found = all_faults(tab, "before")
+    for name in ("Run", "Like ROS 2", "The cure"):
+        button(tab, name)
+        tab.wait(lambda: tab.texts(MOMENTS), "the first moment", 60)
+        found += faults(tab)
+        tab.wait(lambda: not tab.all("#scene_panel button:disabled"), "the end", 60)
+        assert tab.texts(MOMENTS)
+        if name != "The cure":
+            assert "Why" in tab.text(TEXTS)
+        found += all_faults(tab, name)
+    for each in (f"{url}?scene={scene}", link):
+        tab.open(each)
+        tab.wait(lambda: tab.texts(MOMENTS), "the last run")
+        found += all_faults(tab, "loaded again")
+    assert not found, "\n".join(found)
+    assert tab.violations() == []
+
+
+PLANTED = {
+    "find('.scene_texts dd').style.cssText = 'overflow: hidden; height: 4px'": "cut",
+    "find('#scene_panel h2').style.cssText = 'width: 40px; overflow: hidden'": "cut",
+    "find('.scene_code').style.cssText = 'overflow: auto; height: 60px'": "scrolls",
+    "find('#scene_panel h2').textContent = 'the `return`'": "backtick",
+    "find('.lane_names li').style.visibility = 'hidden'": "lanes",
+}
+
+
+@pytest.mark.parametrize("planted", PLANTED)
+def test_measuring_finds_a_planted_fault(tabs, url, planted):
+    tab = tabs.open(f"{url}?scene=lost-reply&projector")
+    tab.find("#scene_panel .primary")
+    tab.wait(lambda: tab.texts("#calls .lane_names li"), "a lane")
+    assert faults(tab) == []
+    tab.run(f"const find = css => document.querySelector(css); {planted}")
+    assert any(PLANTED[planted] in each for each in faults(tab))
+
+
+def test_turning_the_pages_many_times_leaves_no_connection_open(tabs, url):
+    tab = tabs.open(f"{url}?scene={SCENES[0].name}")
+    for scene in SCENES[1:]:
+        tab.click("#scene_panel [aria-label='next scene']")
+        title = scene.title.replace("`", "")
+        tab.wait(lambda title=title: tab.text("#scene_panel h2") == title, title)
+
+
+def test_calls_of_a_scene_stay_in_their_lanes_after_its_end(tabs, url):
+    tab = tabs.open(f"{url}?scene=lost-reply")
+    button(tab, "Run")
+    shown(tab)
+    tab.wait(lambda: tab.all("#calls .notable"), "the lost call in its lane")
+    place = "return document.querySelector('#calls .moving').style.transform"
+    at_end = tab.wait(lambda: tab.run(place), "the lanes to stand still")
+    moved = "return document.querySelector('#calls .moving').getAnimations().length"
+    assert tab.run(moved) == 0
+    tab.run("dispatchEvent(new Event('resize'))")
+    assert tab.run(place) == at_end
+    assert tab.texts("#calls .lane_names li")[-1] == "server"

@@ -62,7 +62,7 @@ class Screen:
         return [label + first, *(" " * 17 + text for text in others)]
 
     def _shortened(self, text: str, indent: int) -> list[str]:
-        """Return a text on a few lines: if it is long, only its cause, which ends at a semicolon."""
+        """Return a text on a few lines; of a long one, only the part before the semicolon."""
         lines = self._wrapped(text, indent)
         if len(lines) <= _MOMENT_LINES:
             return lines

@@ -128,7 +128,7 @@ export class CallsView {
   }
 
   isSubmission(call) {
-    return call.task_id != null && call.state === "ok" && !call.repeated && call.service === this.model.service;
+    return this.lanes.fixed.length > 1 && call.task_id != null && call.state === "ok" && !call.repeated && call.service === this.model.service;
   }
 
   addNotable(call, x, y, length) {
@@ -181,7 +181,8 @@ export class CallsView {
       if (call) this.lanes.last(i, shortName(call.service, this.model.service), resultText(call, now), tone(call));
     });
     if (this.lanes.others.size) this.lanes.last(this.lanes.clients.length, skipped ? `${plural(skipped, "call")} not drawn` : "");
-    this.lanes.last(-3, stats.total ? `${plural(stats.total, "call")} in all` : "");
+    this.lanes.last(-this.lanes.fixed.length, stats.total ? `${plural(stats.total, "call")} in all` : "");
+    if (this.lanes.fixed.length === 1) return;
     this.lanes.last(-2, tasks ? `${tasks.queued} queued` : "");
     if (tasks?.running) this.lanes.last(-1, `task ${tasks.running.task_id}`, taskText(tasks.running));
     else this.lanes.last(-1, "idle");
@@ -201,8 +202,7 @@ export class CallsView {
   /** Move the drawing. While the page is live, the browser does this without any further script. */
   frame(time) {
     if (!this.isShown || !this.lanes.ready) return;
-    const { state } = this.model.connection;
-    if (state === "live" && !calm.matches) {
+    if (this.model.isMoving && !calm.matches) {
       const at = (time - this.origin) * 1000;
       this.motion ??= this.moving.animate([{ transform: this.place(0) }, { transform: this.place(MOTION) }], MOTION * 1000);
       if (Math.abs(this.motion.currentTime - at) > DRIFT) this.motion.currentTime = at;

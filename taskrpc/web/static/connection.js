@@ -55,6 +55,8 @@ export class LiveStream {
     this.abort = null; // ends the current request
     this.reason = ""; // why the server ends, if it said so
     document.addEventListener("visibilitychange", () => this.visibilityChanged());
+    // A browser keeps the page for its Back button, and opens at most six connections to one server.
+    addEventListener("pagehide", () => this.abort?.abort());
   }
 
   async run() {

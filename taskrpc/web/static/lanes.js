@@ -1,6 +1,6 @@
 // The swim lanes of the sequence diagram: names at the left, the track, the newest text at the right.
 
-import { DRAWING, drawn, element, isProjector, rem, setAttribute, setText, showEach } from "./dom.js";
+import { DRAWING, drawn, element, isProjector, rem, root as page, setAttribute, setText, showEach } from "./dom.js";
 
 const LANE = 1.75; // rem, the least height of a lane
 const LANE_PROJECTOR = 1.125; // rem, the least height where the text is twice as large
@@ -28,6 +28,11 @@ export class Lanes {
     this.ready = false; // whether the panel is shown and large enough
   }
 
+  /** The lanes below those of the clients; a page that has only calls knows no queue and no robot. */
+  get fixed() {
+    return "calls_only" in page.dataset ? [SERVER] : [SERVER, QUEUE, ROBOT];
+  }
+
   /** Take the size of the panel, in pixels; return whether it can be drawn. */
   resize(width, height) {
     if (width < 100 || height < 60) return (this.ready = false);
@@ -35,7 +40,7 @@ export class Lanes {
     this.width = width;
     this.height = height;
     const least = isProjector ? LANE_PROJECTOR : LANE;
-    this.most = Math.max(2, Math.floor((height - TOP * this.rem) / (least * this.rem)) - 3);
+    this.most = Math.max(2, Math.floor((height - TOP * this.rem) / (least * this.rem)) - this.fixed.length);
     this.makeRoom();
     this.layout();
     return (this.ready = true);
@@ -91,13 +96,13 @@ export class Lanes {
     this.revision++;
     const rows = this.clients.map((client) => [client.name, "client"]);
     if (this.others.size) rows.push([`${this.others.size} more`, "others"]);
-    rows.push([SERVER, "server"], [QUEUE, "queue"], [ROBOT, "robot"]);
+    rows.push(...this.fixed.map((name) => [name, name]));
     this.rows = rows;
     if (!this.height) return;
     this.top = TOP * this.rem;
     this.lane = Math.min((this.height - this.top) / rows.length, LANE_MOST * this.rem);
     this.index = new Map(this.clients.map((client, i) => [client.name, i]));
-    const fixed = rows.length - 3;
+    const fixed = rows.length - this.fixed.length;
     this.server = this.middle(fixed);
     this.queue = this.middle(fixed + 1);
     this.robot = this.middle(fixed + 2);

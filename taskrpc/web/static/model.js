@@ -26,6 +26,10 @@ class ServerClock {
     this.frozen = null;
   }
 
+  thaw() {
+    this.frozen = null;
+  }
+
   freeze() {
     this.frozen ??= this.now();
   }
@@ -86,6 +90,11 @@ export class Model {
     return ["lost", "asleep"].includes(this.connection.state);
   }
 
+  /** Whether the drawing of the calls moves with the time. */
+  get isMoving() {
+    return this.connection.state === "live" && this.scene?.running !== false;
+  }
+
   get isRecording() {
     return this.connection.state === "recording";
   }
@@ -138,6 +147,8 @@ export class Model {
   apply_scene(data) {
     if (data.number !== this.scene?.number) this.reset(); // the calls of earlier runs would have the same ids
     this.scene = data;
+    if (data.running) this.clock.thaw();
+    else this.clock.freeze(); // the calls of the run stay where they are while the class talks about them
   }
 
   apply_task(data) {

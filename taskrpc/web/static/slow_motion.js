@@ -72,7 +72,7 @@ export class SlowMotion {
     } else if (wasLive) {
       this.clear();
       const ended = [...this.model.calls.values()].filter((call) => call.state !== "open");
-      for (const call of ended.slice(-3)) this.backlog.push(...messagesOf(call, this.model.service));
+      for (const call of ended.slice(-3)) this.backlog.push(...this.messages(call));
       setText(this.text, this.backlog.length ? "" : "Waiting for a call.");
     }
   }
@@ -82,10 +82,15 @@ export class SlowMotion {
     // Show all messages of a call or none: a part would be misleading.
     const ended = this.model.new_calls.filter((call) => call.state !== "open");
     for (const call of ended) {
-      const messages = messagesOf(call, this.model.service);
+      const messages = this.messages(call);
       if (this.backlog.length + messages.length <= BACKLOG) this.backlog.push(...messages);
       else this.skipped += messages.length;
     }
+  }
+
+  /** Return the messages of a call between the lanes that there are. */
+  messages(call) {
+    return messagesOf(call, this.model.service).filter(({ to }) => !FIXED.includes(to) || this.lanes.fixed.includes(to));
   }
 
   noteTasks(tasks) {
