@@ -4,8 +4,9 @@ A COMMIT that fails may take effect all the same: its data is in the system's me
 the disk later. So after a failed COMMIT, the file is opened again and read. If it cannot be read,
 the outcome is unknown, and the file is not used again before it is closed.
 
-Data written to a removed file would be lost at the end of this process. So each change first checks
-that the path still leads to the open file.
+Data written to a removed file would be lost at the end of this process, and a log is worth nothing
+without the file that belongs to it. So each change first checks that the path still leads to the
+open file, and that only this program has written to the file and its log.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from taskrpc import platform
 from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.storage import path_checks
 from taskrpc.storage.error_texts import is_about_the_file, is_full, loss_text, store_errors
+from taskrpc.storage.file_watch import FileWatch
 from taskrpc.storage.lock import CommitCount, Lock
 from taskrpc.storage.records import Damaged
 
@@ -99,13 +100,18 @@ class Database:
             _make_private(path.resolve())
             self._connection.execute("PRAGMA journal_mode = WAL")
             equip(self._connection)
-            self._file = path.stat()
-            """The identity of the open file."""
             self._reached = self._count()
             """The count of commits after the last change."""
+            self._taken = self._reached.commits
+            """The number of the last attempt at a change.
+
+            Each attempt takes another one, so that the check of a failed COMMIT never finds that of
+            an earlier attempt.
+            """
             if not clearing:
                 self._refuse_loss()
             self._note(self._reached)
+            self._watch = FileWatch(path)
             self._undo = undo.pop_all()
 
     @property
@@ -143,12 +149,21 @@ class Database:
         with store_errors(self._path, except_statements=True):
             self._check()
             self._check_place()
-            number = self._reached.commits + 1
+            number = self._take_number()
             try:
                 self._with_room(transaction, number)
                 self._note(CommitCount(self._reached.store_id, number))
             except _CommitFailed as failed:
                 self._find_out(number, failed.error)
+            finally:
+                if (seen := self._watch.note()) and not self._why_broken:
+                    self._why_broken = f"{seen.fact}, so a change may be lost; {seen.remedy}"
+            if self._why_broken:
+                raise OutcomeUnknown(self._why_broken)
+
+    def _take_number(self) -> int:
+        self._taken += 1
+        return self._taken
 
     def _with_room(self, transaction: Callable[[int], None], number: int) -> None:
         try:
@@ -203,16 +218,13 @@ class Database:
             raise StoreError(self._why_broken)
 
     def _check_place(self) -> None:
-        if not platform.is_same_file(self._path, self._file):
-            raise StoreError(
-                f"{self._path} was removed or replaced while it was in use; nothing was stored;"
-                " put it back, or start the server again"
-            )
-        if self._lock.is_lost:
+        if self._lock.is_lost and self._path.exists():  # else the whole folder was moved
             raise StoreError(
                 f"{self._path}: its lock {self._lock.path.name} was removed, so another server may"
                 " use the file; nothing was stored; start this server again"
             )
+        if seen := self._watch.tampering():
+            raise StoreError(f"{seen.fact}; nothing was stored; {seen.remedy}")
 
     def _in_transaction(self, work: _Work, number: int = 0) -> None:
         connection = self._connection
@@ -238,8 +250,9 @@ class Database:
             # Reading shows the data in the system's memory, which may not be on the disk. Write it
             # again, over any older data that a failure of the machine would bring back.
             self._empty_log()
-            self._in_transaction(lambda _: None, self._count().commits + 1)
+            self._in_transaction(lambda _: None, self._take_number())
             self._note(self._count())
+            self._watch = FileWatch(self._path)
         except (sqlite3.Error, OSError, _CommitFailed) as second:
             self._why_broken = (
                 f"{self._path} cannot be used any more, because writing to it failed ({error}) and "

@@ -9,8 +9,9 @@ import sqlite3
 import pytest
 
 from taskrpc import SqliteCompletions, platform
-from taskrpc.errors import StoreError
+from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.request_ids.ids import Completion
+from taskrpc.storage import database as database_module
 from taskrpc.storage.database import Database, pragma
 
 on_windows = pytest.mark.skipif(os.name == "nt", reason="an open file cannot be moved there")
@@ -283,6 +284,61 @@ async def test_removed_file_refuses_changes_until_it_is_restored(path, what):
     assert await booked(path) == [1, 3]
 
 
+def cut(path):
+    os.truncate(path, 0)
+
+
+def overwrite(path):
+    """Write as much into the same file, as `cp` of an older copy does."""
+    data = path.read_bytes()
+    path.write_bytes(bytes(len(data)))
+    os.utime(path, ns=(1, 1))  # a coarse clock may give the same time as the last change
+
+
+def replace(path):
+    path.with_name("copy").write_bytes(path.read_bytes())
+    os.replace(path.with_name("copy"), path)
+
+
+TAMPERING = [
+    (cut, r" was changed by another program while it was in use \(expected \d+ bytes, found 0\)"),
+    (overwrite, " was changed by another program while it was in use"),
+    (replace, " was removed or replaced while it was in use"),
+    (os.unlink, " was removed or replaced while it was in use"),
+]
+
+
+@on_windows
+@pytest.mark.parametrize("ending", ["", "-wal"])
+@pytest.mark.parametrize(("tamper", "problem"), TAMPERING)
+async def test_file_that_another_program_changes_stores_nothing_more(path, ending, tamper, problem):
+    store = make(path)
+    await book(store, 1)
+    tamper(path.with_name(path.name + ending))
+    for number in (2, 3, 4):
+        with pytest.raises(
+            StoreError, match=rf"tasks\.db{ending}{problem}; nothing was stored; .*start the"
+        ):
+            await book(store, number)
+    await store.close()
+    with contextlib.suppress(StoreError):  # the next server says what is missing
+        assert await booked(path) == [1]
+
+
+@on_windows
+@pytest.mark.parametrize(("tamper", "problem"), [TAMPERING[0], *TAMPERING[2:]])
+async def test_change_in_a_file_that_is_tampered_with_meanwhile_is_not_acknowledged(
+    path, database, tamper, problem
+):
+    def work(connection):
+        connection.execute("INSERT INTO seat VALUES (1)")
+        tamper(path)
+
+    with pytest.raises(OutcomeUnknown, match=rf"{problem}, so a change may be lost; .*start the"):
+        database.change(work)
+    assert database.is_broken
+
+
 @on_windows
 async def test_store_whose_lock_was_removed_refuses_changes(path):
     first, second = make(path), make(path)
@@ -385,6 +441,29 @@ def test_change_on_a_full_disk_is_retried_after_the_log_is_emptied(database):
     database.change(work)
     assert tries == [2, 2]
     assert contents(database) == (2, [1, 2])
+
+
+def test_earlier_change_is_not_taken_for_one_whose_commit_failed(database, monkeypatch):
+    def interrupted(transaction, number):
+        transaction(number)
+        raise KeyboardInterrupt
+
+    execute, failures = database_module._execute, [sqlite_error(sqlite3.SQLITE_IOERR)]
+
+    def fails_once(connection, ending, values=()):
+        if failures:
+            connection.execute("ROLLBACK")
+            raise database_module._CommitFailed(failures.pop())
+        execute(connection, ending, values)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(database, "_with_room", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            database.change(take_seat(1)[0])
+    monkeypatch.setattr(database_module, "_execute", fails_once)
+    with pytest.raises(StoreError, match="nothing was stored"):
+        database.change(take_seat(2)[0])
+    assert contents(database)[1] == [1]
 
 
 def test_statement_that_is_a_whole_transaction_counts_as_one_commit(database):

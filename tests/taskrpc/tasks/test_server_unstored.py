@@ -66,6 +66,20 @@ async def test_no_answer_names_a_file_of_the_servers(path, caplog):
     assert str(path) in caplog.text
 
 
+@pytest.mark.skipif(os.name != "posix", reason="another program changes a file in use")
+async def test_no_task_is_acknowledged_after_the_servers_file_was_truncated(path, caplog):
+    async with (
+        taskrpc.Node("task_server") as node,
+        TaskServer(node, LineRobot(), SqliteStore(path)),
+    ):
+        client = Client(node)
+        assert (await outcome(client.submit("move", "3", 5))).success
+        os.truncate(path, 0)
+        answers = [said(await outcome(client.submit("move", str(x), 5))) for x in range(4)]
+    assert all("nothing was stored; start the server again" in each for each in answers), answers
+    assert "tasks.db was changed by another program while it was in use (expected" in caplog.text
+
+
 async def test_error_of_an_unopened_store_hides_its_path(path, caplog):
     path.write_bytes(b"no database at all, but long enough" * 100)
     async with (
