@@ -100,9 +100,12 @@ def exports(package: str, kind: Kind, names: Sequence[str]) -> str:
     lines = [f'"""The {kind} interfaces of {package}, {GENERATED}"""']
     lines += ["# ruff: noqa", ""]
     classes = {name: names_in_folder(kind, name) for name in names}
-    lines += sorted(
-        f"from .{module_name(name)} import {', '.join(of)}" for name, of in classes.items()
-    )
     exported = [one for of in classes.values() for one in of]
+    # A stub exports only a name that it imports with `as`; Jedi ignores `__all__` there.
+    imported = {one: f"{one} as {one}" for one in exported}
+    lines += sorted(
+        f"from .{module_name(name)} import {', '.join(imported[one] for one in of)}"
+        for name, of in classes.items()
+    )
     lines += ["", "__all__ = [", *(f"    {text_literal(one)}," for one in exported), "]"]
     return "\n".join(lines) + "\n"

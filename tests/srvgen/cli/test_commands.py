@@ -258,8 +258,8 @@ def test_files_that_are_generated_one_by_one_stay_together(run, tmp_path):
     for path in (first, second):
         assert run("generate", path, "-o", out) == (0, "", "")
     init = (out / "my_msgs" / "srv" / "__init__.py").read_text()
-    assert "import Fetch, Fetch_Event," in init
-    assert "import Bring, Bring_Event," in init
+    assert "import Fetch as Fetch, Fetch_Event as Fetch_Event," in init
+    assert "import Bring as Bring, Bring_Event as Bring_Event," in init
     for source in (first, second, "my_msgs"):
         assert run("generate", source, "-o", out, "--check") == (0, "", "")
     second.unlink()
