@@ -12,6 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias
 
 from taskrpc.errors import OutcomeUnknown, ServiceUnavailable, TaskRpcError
+from taskrpc.execution.callbacks import check_callback
 from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import IncomingCall, Offer
@@ -94,6 +95,7 @@ class DeferredService:
         observer: Observer | None = None,
         role: Role = Role.SUBMIT,
     ) -> None:
+        check_callback(take, f"`take` of {name}", ("a call",))
         self.srv_type = srv_type
         self.service_name = name
         self.loop = asyncio.get_running_loop()

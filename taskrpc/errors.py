@@ -198,8 +198,29 @@ class HandlerError(_Coded):
     `code` is a `Code` or its name. `UNAVAILABLE` promises that nothing was done, so that the
     caller's retry policy may try again; with any other code the call counts as executed.
 
-    Raises ValueError for an invalid code.
+    Raises `HandlerError.Invalid`, a ValueError, for an invalid code or without a message.
     """
+
+    class Invalid(ValueError):
+        """A HandlerError with wrong arguments. The caller gets the text: it is meant for it."""
+
+    if TYPE_CHECKING:
+
+        def __init__(self, code: Code | str, message: str) -> None: ...
+
+    else:
+
+        def __init__(self, code: object, message: object = None) -> None:
+            if message is None:
+                raise self.Invalid(
+                    f"HandlerError: expected a code and a message, got only {code!r};"
+                    f" write HandlerError('INVALID_ARGUMENT', {str(code)!r})"
+                )
+            try:
+                super().__init__(code, message)
+            except ValueError as error:
+                problem = f"HandlerError: {error}, with the message {message!r}"
+                raise self.Invalid(problem) from None
 
 
 class GoalFailed(_Coded):

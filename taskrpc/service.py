@@ -28,6 +28,7 @@ from taskrpc.execution.callbacks import (
     HOLDS_LOOP_AFTER,
     DaemonThreads,
     as_coroutine,
+    check_callback,
     end_program,
     run_to_end,
 )
@@ -91,6 +92,7 @@ class Service:
             concurrency = 1 if store is None else DEFAULT_LIMITS.calls
         if concurrency < 1:
             raise ValueError(f"concurrency: expected at least 1, got {concurrency}")
+        check_callback(callback, f"the callback of {name}", ("a request", "a response"))
         self.srv_type = srv_type
         self.service_name = name
         self._callback = callback

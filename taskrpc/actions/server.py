@@ -455,6 +455,8 @@ class ActionServer:
         excepthook.explain(error)
         log.error("goal %s of %s failed:", goal_id.hex(), self.action_name, exc_info=error)
         text = f"the callback failed; see the server's log, goal {goal_id.hex()}"
+        if isinstance(error, HandlerError.Invalid):
+            text += f": {error}"
         return HandlerFailed(Code.INTERNAL, text)
 
     def _ended(

@@ -8,7 +8,9 @@ import logging
 import threading
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Executor, Future
+from functools import partial
 from queue import SimpleQueue
+from types import FunctionType, MethodType
 from typing import Any, TypeAlias
 
 from taskrpc.execution.eager_start import EagerStarter
@@ -141,18 +143,49 @@ def run_to_end(callback: Callback, *arguments: Any) -> Any:
 
 def check_callback(callback: Callback, description: str, parameters: tuple[str, ...]) -> None:
     """Raise TypeError for a callback that does not take one argument for each parameter's name."""
-    expected = f"{description}: expected a function that takes {', '.join(parameters) or 'nothing'}"
+    if problem := problem_of_callback(callback, description, parameters):
+        raise TypeError(problem)
+
+
+def problem_of_callback(callback: Any, description: str, parameters: tuple[str, ...]) -> str:
+    """Return why a callback cannot be called with an argument for each name, "" if it can."""
+    if _is_plain(callback, len(parameters)):
+        return ""
+    taken = ", ".join(parameters) or "nothing"
+    expected = f"{description}: expected a function that takes {taken}, got"
     if not callable(callback):
-        raise TypeError(f"{expected}, got {callback!r}")
+        return f"{expected} {callback!r}"
     try:
-        signature = inspect.signature(callback)
+        # A decorator may add arguments, so that the decorated function takes others.
+        signature = inspect.signature(callback, follow_wrapped=False)
     except (TypeError, ValueError):  # some built-in functions have no signature
-        return
+        return ""
     try:
         signature.bind(*parameters)
     except TypeError as error:
         name = getattr(callback, "__qualname__", repr(callback))
-        raise TypeError(f"{expected}, got {name}{signature}: {error}") from None
+        return f"{expected} {name}{signature}{_place_of(callback)}: {error}"
+    return ""
+
+
+def _is_plain(callback: Any, count: int) -> bool:
+    """Whether a callback is a function or method with so many parameters; `signature` is slow."""
+    if type(callback) is MethodType:
+        callback, count = callback.__func__, count + 1
+    if type(callback) is not FunctionType:
+        return False
+    return bool(callback.__code__.co_argcount == count and not callback.__code__.co_kwonlyargcount)
+
+
+def _place_of(callback: Callback) -> str:
+    """Where a callback is defined: ` at FILE:LINE`, "" if unknown."""
+    function: Any = callback
+    while isinstance(function, partial):
+        function = function.func
+    if not hasattr(function, "__code__"):
+        function = getattr(function, "__func__", None) or type(function).__call__
+    code = getattr(inspect.unwrap(function), "__code__", None)
+    return f" at {code.co_filename}:{code.co_firstlineno}" if code is not None else ""
 
 
 def _nothing() -> None:

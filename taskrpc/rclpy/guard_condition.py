@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from ._impl.diagnostics.explain import callback_parameters
 from ._impl.execution.entity import Entity
 from .callback_groups import CallbackGroup
 from .context import Context
@@ -23,6 +24,7 @@ class GuardCondition(Entity):
     ) -> None:
         self._context = get_default_context() if context is None else context
         self.callback = callback
+        callback_parameters(callback, "the callback of a guard condition")
         self.callback_group = callback_group
         self.handle = Handle(self)
         self._triggered = False

@@ -58,6 +58,8 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self.srv_type = srv_type
         self._full_name = self.srv_name = srv_name
         self.callback = callback
+        of = f"the callback of {srv_name}"
+        explain.callback_parameters(callback, of, "a request", "a response")
         self.callback_group = callback_group
         self.qos_profile = qos_profile
         self.handle = ServiceHandle(self)

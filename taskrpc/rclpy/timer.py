@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any, ClassVar, Self
 
 from ._impl.diagnostics.deadlocks import check_rate
-from ._impl.diagnostics.explain import like_ros, rate_unspun
+from ._impl.diagnostics.explain import callback_parameters, like_ros, rate_unspun
 from ._impl.execution.entity import Entity, is_busy, node_name
 from .callback_groups import CallbackGroup
 from .clock import Clock, ClockChange, TimeJump
@@ -76,6 +76,8 @@ class Timer(Entity):
             )
         self.handle = Handle(self)
         self.callback = callback
+        if callback is not None and _info_parameter(callback) is None:
+            callback_parameters(callback, "the callback of a timer")
         self.callback_group = callback_group
         self._clock = clock
         self._period_ns = int(timer_period_ns)

@@ -111,14 +111,22 @@ def test_only_unavailable_promises_that_nothing_was_done(cls):
 def test_a_code_is_given_as_such_or_by_name():
     assert errors.HandlerError("NOT_FOUND", "x").code is Code.NOT_FOUND
     assert errors.HandlerError(5, "x").code is Code.NOT_FOUND
-    assert str(errors.HandlerError(Code.NOT_FOUND)) == "NOT_FOUND"
+    assert str(errors.HandlerFailed(Code.NOT_FOUND)) == "NOT_FOUND"
 
 
 @pytest.mark.parametrize("code", ["no such", "not_found", 99, None, 2.5, []])
 def test_invalid_code_is_refused_with_the_valid_ones(code):
     with pytest.raises(ValueError, match="NOT_FOUND") as caught:
         errors.HandlerError(code, "x")
-    assert str(caught.value).endswith(f"got {code!r}")
+    assert str(caught.value).endswith(f"got {code!r}, with the message 'x'")
+
+
+@pytest.mark.parametrize("code", ["the arm is stuck", "NOT_FOUND", Code.NOT_FOUND])
+def test_an_error_of_a_callback_without_a_message_is_refused(code):
+    with pytest.raises(errors.HandlerError.Invalid) as caught:
+        errors.HandlerError(code)
+    said = f"HandlerError: expected a code and a message, got only {code!r}; write HandlerError("
+    assert str(caught.value).startswith(said)
 
 
 def test_an_empty_path_is_the_whole_message():

@@ -610,3 +610,17 @@ async def test_expired_call_gets_deadline_exceeded():
     call = FakeCall(1, deadline=asyncio.get_running_loop().time())
     transport.serve(call)
     assert str(call.ends[0]) == "the deadline passed before the call began"
+
+
+async def test_service_with_a_callback_of_other_parameters_is_not_offered():
+    def greet(request):
+        return request
+
+    async with taskrpc.Node("server", transport="memory") as node:
+        for threaded in (False, True):
+            with pytest.raises(TypeError, match=r"takes a request, a response, got .*greet\(requ"):
+                node.create_service(Add, "add", greet, threaded=threaded)
+        with pytest.raises(TypeError, match="`take` of /add: expected a function that takes a ca"):
+            node.create_deferred_service(Add, "add", lambda: None)
+        assert node._services == {}
+        node.create_service(Add, "add", lambda request, response: response)

@@ -159,20 +159,24 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
 
     def register_handle_accepted_callback(self, callback: Callable[[Any], Any] | None) -> None:
         """Set the callback for the handle of each accepted goal; None: execute the goal at once."""
+        explain.callback_parameters(callback, "handle_accepted_callback", "a goal handle")
         self._handle_accepted_callback = callback or default_handle_accepted_callback
 
     def register_goal_callback(self, callback: Callable[[Any], Any] | None) -> None:
         """Set the callback that decides whether to accept a goal; None: accept all goals."""
+        explain.callback_parameters(callback, "goal_callback", "a goal")
         self._goal_callback = callback or default_goal_callback
 
     def register_cancel_callback(self, callback: Callable[[Any], Any] | None) -> None:
         """Set the callback that decides whether to cancel a goal; None: cancel no goal."""
+        explain.callback_parameters(callback, "cancel_callback", "a goal handle")
         self._cancel_callback = callback or default_cancel_callback
 
     def register_execute_callback(self, execute_callback: Callable[[Any], Any] | None) -> None:
         """Set the callback that executes a goal; raises TypeError if it is not callable."""
         if not callable(execute_callback):
             raise TypeError("Failed to register goal execution callback: not callable")
+        explain.callback_parameters(execute_callback, "execute_callback", "a goal handle")
         self._execute_callback = execute_callback
 
     def notify_execute(

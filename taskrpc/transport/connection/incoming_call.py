@@ -14,6 +14,7 @@ from taskrpc.callinfo import CallInfo, log_fields
 from taskrpc.errors import (
     Code,
     DeadlineExceeded,
+    HandlerError,
     HandlerFailed,
     InvalidRequest,
     PermissionDenied,
@@ -215,7 +216,10 @@ def no_request_id(offer: Offer) -> Callable[[Body], Any]:
 
 
 def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
-    """Log a handler's exception with its traceback; the caller gets only the call number."""
+    """Log a handler's exception with its traceback; the caller gets only the call number.
+
+    The caller also gets the text of a `HandlerError.Invalid`, which says what the handler wanted.
+    """
     excepthook.explain(error)
     log.error(
         "call %d of %s from %s failed:",
@@ -226,6 +230,8 @@ def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
         extra=log_fields(call),
     )
     message = f"the handler failed; see the server's log, call {call.number}"
+    if isinstance(error, HandlerError.Invalid):
+        message += f": {error}"
     call.fail(HandlerFailed(Code.INTERNAL, message))
 
 

@@ -6,10 +6,11 @@ import sys
 import threading
 import time
 import weakref
+from functools import partial, wraps
 
 import pytest
 
-from taskrpc.execution.callbacks import DaemonThreads
+from taskrpc.execution.callbacks import DaemonThreads, problem_of_callback
 
 pytestmark = pytest.mark.real_time
 
@@ -105,3 +106,82 @@ def test_a_callback_that_blocks_does_not_hold_up_the_programs_end():
     assert done.stdout.split() == ["begun", "ended"], done.stderr
     assert done.returncode == 0
     assert time.monotonic() - began < 20
+
+
+class Greeter:
+    def greet(self, request, response):
+        return response
+
+    def forgetful(self, request):
+        return request
+
+    @staticmethod
+    def alone(request):
+        return request
+
+    def __call__(self, request):
+        return request
+
+
+async def later(request):
+    return request
+
+
+def with_default(request, response, times=1):
+    return response
+
+
+def with_keyword(request, response, *, times):
+    return response
+
+
+def anything(*args):
+    return args[1]
+
+
+def adds_an_argument(function):
+    @wraps(function)
+    def wrapper(*args):
+        return function(*args, 3)
+
+    return wrapper
+
+
+TAKING = [
+    adds_an_argument(lambda request, response, times: response),
+    Greeter().greet,
+    with_default,
+    anything,
+    partial(with_default, times=2),
+    partial(with_keyword, times=2),
+    lambda request, response: response,
+    max,
+]
+NOT_TAKING = [
+    (Greeter.greet, "Greeter.greet(self, request, response)"),
+    (Greeter().forgetful, "Greeter.forgetful(request)"),
+    (Greeter.alone, "Greeter.alone(request)"),
+    (Greeter(), "(request)"),
+    (Greeter, "Greeter()"),
+    (later, "later(request)"),
+    (with_keyword, "with_keyword(request, response, *, times)"),
+    (partial(with_default, 1, 2), "(times=1)"),
+    (lambda request: request, "<lambda>(request)"),
+]
+
+
+@pytest.mark.parametrize("callback", TAKING)
+def test_callback_that_can_be_called_has_no_problem(callback):
+    assert problem_of_callback(callback, "the callback of /a", ("a request", "a response")) == ""
+
+
+@pytest.mark.parametrize(("callback", "shown"), NOT_TAKING)
+def test_callback_with_other_parameters_is_named_with_its_place(callback, shown):
+    problem = problem_of_callback(callback, "the callback of /a", ("a request", "a response"))
+    assert problem.startswith(
+        "the callback of /a: expected a function that takes a request, a response, got "
+    )
+    assert shown in problem
+    # A class without `__init__` has no place.
+    assert (f" at {__file__}:" in problem) is (callback is not Greeter)
+    assert "\n" not in problem

@@ -322,3 +322,11 @@ def test_a_node_can_be_started_and_closed_without_with():
     node.close()
     with pytest.raises(taskrpc.TaskRpcError, match=r"has not started; write .* `node.start\(\)`"):
         node.create_client(AddTwoInts, "add")
+
+
+def test_a_service_with_a_callback_of_other_parameters_is_not_offered():
+    with (
+        taskrpc.sync.Node("server", transport="memory") as node,
+        pytest.raises(TypeError, match=r"a request, a response, got .*missing"),
+    ):
+        node.create_service(AddTwoInts, "add", lambda one, two, three: two)

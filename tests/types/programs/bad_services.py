@@ -94,3 +94,9 @@ def main(node: taskrpc.Node, blocking: sync.Node) -> None:
     blocking.create_deferred_service(Add, "add", take)
     # mypy reports: Argument 3 to "create_deferred_service" of "Node" has incompatible type "Callable[[DeferredCall[Greet_Request, Greet_Response]], None]"; expected …
     # pyright reports: …Type parameter "RequestT@DeferredCall" is invariant, but "Add_Request" is not the same as "Request"
+
+
+def without_a_code(request: Greet.Request, response: Greet.Response) -> Greet.Response:
+    raise taskrpc.HandlerError("the arm is stuck")
+    # mypy reports: Missing positional argument "message" in call to "HandlerError"
+    # pyright reports: …Argument missing for parameter "message"

@@ -6,8 +6,10 @@ import functools
 import os
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
+
+from taskrpc.execution.callbacks import problem_of_callback
 
 _reported: set[tuple[object, ...]] = set()
 """The causes whose line was printed."""
@@ -134,6 +136,22 @@ def invalid_cancel_response(action: str, returned: str) -> None:
         "refuse this cancellation without an error, and so does taskrpc: the cancel callback of"
         f" {action} returned {returned}; return CancelResponse.ACCEPT or CancelResponse.REJECT",
     )
+
+
+def callback_parameters(
+    callback: Callable[..., Any] | None, description: str, *parameters: str
+) -> None:
+    """Report a callback that cannot be called with an argument for each of the parameters.
+
+    ROS accepts it, too, and fails at the first call.
+    """
+    if callback is None or like_ros():
+        return
+    if problem := problem_of_callback(callback, description, parameters):
+        report(
+            ("parameters", problem),
+            f"raise TypeError when this callback is first called, and so does taskrpc: {problem}",
+        )
 
 
 def callback_raised(service: str, problem: str) -> None:

@@ -112,6 +112,44 @@ CASES = {
 }
 
 
+PARAMETERS = """
+from rclpy.action import ActionServer
+from example_interfaces.action import Fibonacci
+def greet(request):
+    return request
+node.create_service(AddTwoInts, "add", greet)
+node.create_service(AddTwoInts, "other", lambda *args: args[1])
+node.create_timer(60, greet)
+node.create_timer(60, print)
+node.create_guard_condition(greet)
+ActionServer(node, Fibonacci, "count", lambda: None)
+ActionServer(node, Fibonacci, "again", greet, goal_callback=greet, cancel_callback=greet)
+print("made")
+"""
+SHOWN = [
+    "callback of /add: expected a function that takes a request, a response, got greet(request)",
+    "the callback of a timer: expected a function that takes nothing, got greet(request)",
+    "the callback of a guard condition: expected a function that takes nothing, got greet(request)",
+    "execute_callback: expected a function that takes a goal handle, got <lambda>()",
+]
+
+
+def test_callbacks_with_other_parameters_are_explained_when_they_are_given(ros, monkeypatch):
+    explained = ros(HEAD + PARAMETERS)
+    monkeypatch.setenv("TASKRPC_LIKE_ROS", "1")
+    monkeypatch.setenv("ROS_DOMAIN_ID", "99")
+    silent = ros(HEAD + PARAMETERS, name="like_ros.py")
+    explained.end()
+    silent.end()
+    assert (explained.out, silent.out) == ("made\n", "made\n")
+    said = told(explained.err)
+    assert len(said) == len(SHOWN)
+    for line, shown in zip(said, SHOWN, strict=True):
+        assert shown in line
+        assert ".py:" in line
+    assert told(silent.err) == []
+
+
 QUICK = ("a forgotten return", "two servers of one name", "a number too large")
 """Cases of the quick suite; the others wait for seconds."""
 

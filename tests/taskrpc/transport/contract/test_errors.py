@@ -31,6 +31,19 @@ async def test_a_callbacks_own_error_arrives_with_code_and_message(net, code):
     assert caught.value.not_executed is (code is taskrpc.Code.UNAVAILABLE)
 
 
+async def test_an_error_without_a_code_reaches_the_caller_and_the_log(net, caplog):
+    def refuse(request, response):
+        raise taskrpc.HandlerError("the arm is stuck")
+
+    _, client = await served(net, refuse)
+    with pytest.raises(taskrpc.HandlerFailed) as caught:
+        await client.call(ask())
+    text = "expected a code and a message, got only 'the arm is stuck'"
+    assert caught.value.code is taskrpc.Code.INTERNAL
+    assert text in caught.value.message
+    assert text in caplog.text
+
+
 class Odd(Exception):
     def __str__(self):
         raise ValueError("cannot be shown")
