@@ -73,7 +73,7 @@ class FleetWorker:
         self._halts = 0, 0
         """How often all robots, and this robot, had to halt."""
         self._working: asyncio.Task[None] | None = None
-        self._following: set[asyncio.Task[object]] = set()
+        self._following: dict[asyncio.Task[object], None] = {}
 
     @property
     def execution(self) -> TaskExecution | None:
@@ -169,11 +169,11 @@ class FleetWorker:
 
     def _follow_soon(self, work: Coroutine[Any, Any, object]) -> None:
         following = asyncio.create_task(work)
-        self._following.add(following)
+        self._following[following] = None
         following.add_done_callback(self._followed)
 
     def _followed(self, following: asyncio.Task[object]) -> None:
-        self._following.discard(following)
+        del self._following[following]
         if not following.cancelled() and (error := following.exception()) is not None:
             log.error("the robot did not follow a pause, resume or stop: %s", error)
 

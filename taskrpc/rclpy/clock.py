@@ -139,7 +139,7 @@ class Clock:
     _clock_type: ClockType
     _handle: Handle
     _jump_handles: list[JumpHandle]
-    _timers: weakref.WeakSet[JumpListener]
+    _timers: weakref.WeakKeyDictionary[JumpListener, None]
 
     def __new__(cls, *, clock_type: ClockType = ClockType.SYSTEM_TIME) -> Clock:
         """Create a clock of the class for its kind; raises TypeError for another type."""
@@ -150,7 +150,7 @@ class Clock:
         self._clock_type = clock_type
         self._handle = Handle(self)
         self._jump_handles = []
-        self._timers = weakref.WeakSet()
+        self._timers = weakref.WeakKeyDictionary()
         if isinstance(self, ROSClock):
             self._override_ns, self._active = 0, False
         return self
@@ -224,7 +224,7 @@ class Clock:
 
     def add_timer(self, timer: JumpListener) -> None:
         """Inform a timer of jumps for as long as it lives."""
-        self._timers.add(timer)
+        self._timers[timer] = None
 
     def now_ns(self) -> int:
         """The time now, in nanoseconds."""

@@ -26,7 +26,7 @@ class _TrackedNode(Protocol):
     def destroy_node(self) -> None: ...
 
 
-_living: weakref.WeakSet[Context] = weakref.WeakSet()
+_living: weakref.WeakKeyDictionary[Context, None] = weakref.WeakKeyDictionary()
 """Contexts that were initialised; a signal shuts all of them down."""
 
 
@@ -67,7 +67,7 @@ class Context:
         self._domain_id = 0
         self._nodes: list[weakref.ReferenceType[_TrackedNode]] = []
         # Where executors and clocks sleep; the shutdown wakes them.
-        self._sleeps: weakref.WeakSet[Sleep] = weakref.WeakSet()
+        self._sleeps: weakref.WeakKeyDictionary[Sleep, None] = weakref.WeakKeyDictionary()
         self.arguments = Arguments()
 
     @property
@@ -97,7 +97,7 @@ class Context:
             if initialize_logging:
                 output.begin(self, self.arguments)
             self._handle = ContextHandle(self)
-            _living.add(self)
+            _living[self] = None
 
     def track_node(self, node: _TrackedNode) -> None:
         """Destroy the node at the shutdown."""
@@ -109,7 +109,7 @@ class Context:
 
     def add_sleep(self, sleep: Sleep) -> None:
         """Wake the threads of a sleep at the shutdown."""
-        self._sleeps.add(sleep)
+        self._sleeps[sleep] = None
 
     def ok(self) -> bool:
         """Whether it is initialised and not shut down."""
@@ -193,8 +193,8 @@ def end_all_by_signal() -> None:
         context._end_by_signal()
 
 
-def _all(known: weakref.WeakSet[_Thing]) -> list[_Thing]:
-    """The members of a set to which other threads may add at the same time."""
+def _all(known: weakref.WeakKeyDictionary[_Thing, None]) -> list[_Thing]:
+    """The keys of a dict to which other threads may add at the same time."""
     while True:
         try:
             return list(known)

@@ -28,7 +28,7 @@ class TimeSource:
         self._subscribed = contextlib.ExitStack()
         """Destroys the subscription of `/clock`."""
         self._node_ref: weakref.ReferenceType[NodeInterface] | None = None
-        self._associated_clocks: set[ROSClock] = set()
+        self._associated_clocks: dict[ROSClock, None] = {}
         self._last_time_set = Time(clock_type=ClockType.ROS_TIME)
         self._ros_time_is_active = False
         if node is not None:
@@ -80,7 +80,7 @@ class TimeSource:
             raise ValueError("Only clocks with type ROS_TIME can be attached.")
         clock.set_ros_time_override(self._last_time_set)
         clock._set_ros_time_is_active(self.ros_time_is_active)
-        self._associated_clocks.add(clock)
+        self._associated_clocks[clock] = None
 
     def clock_callback(self, msg: Any) -> None:
         """Set the clocks to the time of a message from `/clock`."""

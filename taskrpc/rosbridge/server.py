@@ -48,7 +48,7 @@ class RosbridgeServer:
     def __init__(self, node: Node, *, may_connect: Callable[[str], bool] | None = None) -> None:
         self._bridge = Bridge(node)
         self._may_connect = may_connect
-        self._clients: set[_ClientConnection] = set()
+        self._clients: dict[_ClientConnection, None] = {}
         self._is_closed = False
 
     async def handle(self, request: web.BaseRequest) -> web.StreamResponse:
@@ -74,11 +74,11 @@ class RosbridgeServer:
             return _refusal(400, "expected a WebSocket request")
         await socket.prepare(request)
         client = _ClientConnection(socket, request, self._bridge)
-        self._clients.add(client)
+        self._clients[client] = None
         try:
             await client.serve()
         finally:
-            self._clients.discard(client)
+            self._clients.pop(client, None)
         return socket
 
     async def close(self) -> None:

@@ -84,7 +84,7 @@ class LifecycleNodeMixin(ManagedEntity):
                 "enable_communication_interface: expected True or False,"
                 f" got {enable_communication_interface!r}"
             )
-        self._managed_entities: set[ManagedEntity] = set()
+        self._managed_entities: dict[ManagedEntity, None] = {}
         self._callbacks: dict[int, Callable[[LifecycleState], Any]] = {
             state.id: getattr(self, name) for state, name in _CALLBACKS.items()
         }
@@ -119,7 +119,7 @@ class LifecycleNodeMixin(ManagedEntity):
         """Run the callbacks of this entity in every transition; TypeError for another object."""
         if not isinstance(entity, ManagedEntity):
             raise TypeError("Expected a rclpy.lifecycle.ManagedEntity instance.")
-        self._managed_entities.add(entity)
+        self._managed_entities[entity] = None
 
     # Callbacks that programs override
 
@@ -158,12 +158,12 @@ class LifecycleNodeMixin(ManagedEntity):
         node = cast("Node", self)
         made = Node.create_publisher(node, *args, **settings, publisher_class=LifecyclePublisher)
         publisher = cast("LifecyclePublisher", made)
-        self._managed_entities.add(publisher)
+        self._managed_entities[publisher] = None
         return publisher
 
     def destroy_lifecycle_publisher(self, publisher: LifecyclePublisher) -> bool:
         """Destroy a publisher; returns whether it belonged to this node."""
-        self._managed_entities.discard(publisher)
+        self._managed_entities.pop(publisher, None)
         return Node.destroy_publisher(cast("Node", self), publisher)
 
     # Internal

@@ -51,7 +51,7 @@ class Registry:
         """Files that are no entries and have no lock, with the same two values."""
         self._problem = ""
         """Why the folder could not be opened the last time, "" if it could."""
-        _open_registries.add(self)
+        _open_registries[self] = None
 
     def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
         """Publish a change of this process's entry, and apply it to `tracked`.
@@ -230,7 +230,7 @@ def _second_server(name: str, entry: RegistryEntry) -> str:
     )
 
 
-_open_registries: weakref.WeakSet[Registry] = weakref.WeakSet()
+_open_registries: weakref.WeakKeyDictionary[Registry, None] = weakref.WeakKeyDictionary()
 
 
 def _abandon_all() -> None:

@@ -55,7 +55,7 @@ class CallsInFlight:
     def __init__(self) -> None:
         self._calls = FairQuota(MAX_CALLS)
         self._bytes = FairQuota(MAX_BYTES)
-        self._lent: set[QuotaConnection] = set()
+        self._lent: dict[QuotaConnection, None] = {}
         """Connections that may have borrowed quota."""
         self._refused = ThrottledLog(log)
 
@@ -63,7 +63,7 @@ class CallsInFlight:
         """Lend the quota that a connection's calls need; returns an error if that is impossible."""
         session, caller = connection.session, connection.quota_key
         limits = session.limits
-        self._lent.add(connection)
+        self._lent[connection] = None
         calls, size = len(session.open_calls), session.bytes_coming
         free_calls = _raised(self._calls, caller, session.free_calls, calls, limits.calls)
         free_bytes = _raised(self._bytes, caller, session.free_bytes, size, limits.bytes)
@@ -82,12 +82,12 @@ class CallsInFlight:
             session = connection.session
             self._lower(connection, 2 * len(session.open_calls), 2 * session.bytes_coming)
             if (session.free_calls, session.free_bytes) == (FREE.calls, FREE.bytes):
-                self._lent.discard(connection)
+                del self._lent[connection]
 
     def left(self, connection: QuotaConnection) -> None:
         """Take back the quota of a connection that is gone."""
         if connection in self._lent:
-            self._lent.discard(connection)
+            del self._lent[connection]
             self._lower(connection, 0, 0)
 
     def _lower(self, connection: QuotaConnection, calls: int, size: int) -> None:

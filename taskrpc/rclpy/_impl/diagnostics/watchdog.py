@@ -47,7 +47,7 @@ _Wait = tuple[tuple[object, ...], float, Any]
 """A wait that is reported if it lasts: its identity, the seconds until then, and the function that
 reports it."""
 
-_nodes: weakref.WeakSet[NodeInterface] = weakref.WeakSet()
+_nodes: weakref.WeakKeyDictionary[NodeInterface, None] = weakref.WeakKeyDictionary()
 _lock = threading.Lock()
 _is_running = False
 """Whether the check repeats on the background loop."""
@@ -59,7 +59,7 @@ def watch(node: NodeInterface) -> None:
     if explain.like_ros():
         return
     with _lock:
-        _nodes.add(node)
+        _nodes[node] = None
         begin, _is_running = not _is_running, True
     if begin:
         node.handle.bridge.soon(_Check().again)

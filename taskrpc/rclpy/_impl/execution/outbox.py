@@ -54,7 +54,7 @@ class Outbox:
         sent directly: its response would overtake theirs."""
         self._sending: asyncio.Task[None] | None = None
         self._closed = False
-        _outboxes.add(self)
+        _outboxes[self] = None
         _register_flush()
 
     def send(self, message: Any, on_response: OnResponse) -> Callable[[], object]:
@@ -149,7 +149,7 @@ class Outbox:
             request.future.cancel()
 
 
-_outboxes: weakref.WeakSet[Outbox] = weakref.WeakSet()
+_outboxes: weakref.WeakKeyDictionary[Outbox, None] = weakref.WeakKeyDictionary()
 
 
 @cache
