@@ -37,6 +37,7 @@ from taskrpc.errors import (
 from taskrpc.request_ids.ids import RequestCounter, RequestId, named_request_id
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Mode
+from taskrpc.transport.chance import present_chance
 from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.connection.client_side import OpenCall
 
@@ -261,10 +262,8 @@ class Attempts(msgspec.Struct, eq=False):
         policy = self.policy
         if policy is None or not policy.allows(self._made + 1) or not self._may_repeat(error):
             return None
-        import random  # imported at the first failure: a program's start should not wait for it
-
         # The first retry waits wait_initial.
-        wait = policy.wait(self._made - 1, random.random())
+        wait = policy.wait(self._made - 1, present_chance().random())
         if isinstance(error, ServerBusy):
             wait = max(wait, error.retry_after)
         now, latest = self.now(), math.inf if self.deadline is None else self.deadline

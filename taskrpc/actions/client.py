@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 from collections.abc import Callable, Coroutine
 from typing import TYPE_CHECKING, Any, Generic, Protocol
 
@@ -36,6 +35,7 @@ from taskrpc.errors import (
 )
 from taskrpc.message_types import FeedbackT, GoalT, ResultT
 from taskrpc.qos import QoS
+from taskrpc.transport.chance import present_chance
 
 if TYPE_CHECKING:
     from taskrpc.observer import TopicStatus
@@ -130,7 +130,7 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         """The goals that have not ended."""
         self._states: dict[bytes, GoalState] = {}
         """The states of the goals in the newest status message."""
-        self._tasks: set[asyncio.Task[None]] = set()
+        self._tasks: dict[asyncio.Task[None], None] = {}
         """Tasks that fetch results, and tasks that cancel goals whose `send_goal` ended early."""
         self._free_places = WAITING_CALLS
         self._queue: dict[bytes, asyncio.Future[bool]] = {}
@@ -175,7 +175,7 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         """
         seconds = self._timeout if timeout is UNSET else timeout
         deadline = None if seconds is None else self._loop.time() + seconds
-        key = parse_goal_id(goal_id) if goal_id else os.urandom(16)
+        key = parse_goal_id(goal_id) if goal_id else present_chance().randbytes(16)
         request = self._messages.send_goal.Request(goal_id=self._messages.goal_id(key), goal=goal)
         handle: GoalHandle[Any, Any] | None = None
         try:
@@ -240,8 +240,8 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
 
     def _run(self, coroutine: Coroutine[Any, Any, None]) -> None:
         task = self._loop.create_task(coroutine)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+        self._tasks[task] = None
+        task.add_done_callback(self._tasks.pop)
 
     async def _wait_for_topics(self, deadline: float | None) -> bool:
         """Wait until feedback and status can be received; False if not until the deadline."""

@@ -27,6 +27,7 @@ from taskrpc.storage.database import (
 )
 from taskrpc.storage.error_texts import is_about_the_file
 from taskrpc.storage.writer import NOTHING_STORED, Writer
+from taskrpc.transport.chance import present_chance
 
 Parameters: TypeAlias = Sequence[Any] | Mapping[str, Any]
 
@@ -50,7 +51,7 @@ class MemoryCompletions:
     """
 
     def __init__(self, schema: Sequence[str] = ()) -> None:
-        self._store_id = os.urandom(16)
+        self._store_id = present_chance().randbytes(16)
         self._index = CompletionIndex()
         self._schema = tuple(schema)
         self._guard = _Guard()

@@ -15,6 +15,7 @@ from taskrpc.robot.driver import KinematicRobot
 from taskrpc.robot.protocol import Plan, Pose, Robot, TargetError
 from taskrpc.robot.world import World
 from taskrpc.tasks.robot_guard import RobotGuard, checked_plan, error_text
+from taskrpc.transport.chance import present_chance
 
 _log = logging.getLogger("taskrpc.fleet")
 
@@ -50,7 +51,7 @@ class OwnRobot:
         robot = self._guard.robot
         return RobotRecord(
             name=self._name,
-            server=os.urandom(8).hex(),
+            server=present_chance().randbytes(8).hex(),
             host=platform.node(),
             pid=os.getpid(),
             task_types=tuple(robot.task_types),

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
@@ -22,6 +21,7 @@ from taskrpc.fleet.state import Changes, FleetState
 from taskrpc.request_ids.ids import ClientKey, Completion
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.records.store import Stored
+from taskrpc.transport.chance import present_chance
 
 log = logging.getLogger("taskrpc.fleet")
 
@@ -324,7 +324,7 @@ class MemoryFleet:
     def __init__(self, clock: Callable[[], float]) -> None:
         self.clock = clock
         self.meta = Meta()
-        self.store_id = os.urandom(16)
+        self.store_id = present_chance().randbytes(16)
         self.tasks: dict[int, tuple[int, Task]] = {}
         """Each with the revision of its last change."""
         self.robots: dict[str, tuple[int, RobotRecord]] = {}
@@ -335,7 +335,7 @@ class MemoryFleet:
     def write(self, meta: Meta, changes: Changes) -> None:
         """Write the changes of a transaction."""
         if changes.cleared:
-            self.store_id = os.urandom(16)
+            self.store_id = present_chance().randbytes(16)
             self.completions = CompletionIndex()
         for task_id, task in changes.tasks.items():
             self.tasks.pop(task_id, None)

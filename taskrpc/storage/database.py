@@ -26,6 +26,7 @@ from taskrpc.storage.error_texts import is_about_the_file, is_full, loss_text, s
 from taskrpc.storage.file_watch import FileWatch
 from taskrpc.storage.lock import CommitCount, Lock
 from taskrpc.storage.records import Damaged
+from taskrpc.transport.chance import present_chance
 
 _Result = TypeVar("_Result")
 _Work = Callable[[sqlite3.Connection], None]
@@ -45,12 +46,12 @@ def create_store(connection: sqlite3.Connection) -> None:
     Every file that a `Database` opens must have this table.
     """
     connection.execute(_STORE_TABLE)
-    connection.execute("INSERT INTO taskrpc_store VALUES (?, 0)", (os.urandom(16),))
+    connection.execute("INSERT INTO taskrpc_store VALUES (?, 0)", (present_chance().randbytes(16),))
 
 
 def replace_store_id(connection: sqlite3.Connection) -> None:
     """Give the store a new id, in the open transaction, so that clients see a different store."""
-    connection.execute("UPDATE taskrpc_store SET store_id = ?", (os.urandom(16),))
+    connection.execute("UPDATE taskrpc_store SET store_id = ?", (present_chance().randbytes(16),))
 
 
 def read_store_id(connection: sqlite3.Connection) -> bytes:

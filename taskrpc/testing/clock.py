@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
+import random
 import selectors
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
@@ -26,9 +27,16 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
     Hours of timeouts, backoff and robot motion take milliseconds, and every timer fires exactly at
     its time. `loop.time()` starts at 0.0 seconds. The clock stands still while a job runs in an
     executor. A wait that nothing can end raises `NothingWillEverHappen` instead of hanging.
+
+    `seed` determines everything random in the library: waits, ids and secrets. The same program
+    with the same seed runs in the same way each time, in every process. With None, each run
+    differs. Not part of it: the program's own random numbers, threads, and the time of day.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, seed: int | None = None) -> None:
+        if seed is not None:
+            self.chance = random.Random(seed)
+            """See `taskrpc.transport.chance`."""
         self._virtual_now = 0.0
         self._open_jobs = 0  # in executors
         super().__init__(_JumpingSelector(self))

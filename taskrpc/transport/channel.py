@@ -19,6 +19,7 @@ from taskrpc.errors import (
 from taskrpc.request_ids.ids import RequestCounter, RequestCounters, RequestId, with_request_id
 from taskrpc.retry import reconnect_delay
 from taskrpc.transport.base import Mode, OnDone
+from taskrpc.transport.chance import chance_of
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.connection.client_side import CallingConnection, OpenCall
 from taskrpc.transport.connection.client_threads import CallbackWaiter, ThreadedConnection, Waiter
@@ -283,9 +284,8 @@ class RemoteChannel:
     async def _wait_for_change(self, failures: int, left: float | None) -> int:
         """Wait until another attempt may succeed; returns the number of failures in a row."""
         # A server with a known address gives no notice when it starts: retry at growing intervals.
-        import random  # only needed while a client waits
-
-        delay = reconnect_delay(failures, random.random()) if self._has_addresses else None
+        chance = chance_of(self._endpoint.loop).random()
+        delay = reconnect_delay(failures, chance) if self._has_addresses else None
         limits = [each for each in (left, delay) if each is not None]
         changed = await self._endpoint.availability.wait(self._mark, min(limits, default=None))
         return 0 if changed else failures + 1

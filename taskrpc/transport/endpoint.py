@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import itertools
 import logging
-import os
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -23,6 +22,7 @@ from taskrpc.errors import (
 from taskrpc.request_ids.ids import RequestCounters
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import Offer, ProgramStatistics, TopicPublisher, TopicSubscription
+from taskrpc.transport.chance import chance_of
 from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection.client_side import CallingConnection
@@ -101,11 +101,12 @@ class Endpoint(ThreadHandoff):
         """The address at which it listens, "" before."""
         self.holders = 1
         """The number of nodes that use this endpoint."""
-        self.id = os.urandom(16)
+        self._chance = chance_of(self.loop)
+        self.id = self._chance.randbytes(16)
         """Identifies this endpoint in handshakes: as client id, and as the server's boot id."""
         self.call_numbers = itertools.count(1)
         """The numbers of incoming calls, for log lines."""
-        self.counters = RequestCounters(lambda: os.urandom(16))
+        self.counters = RequestCounters(lambda: self._chance.randbytes(16))
         self.backpressure: Backpressure
         """Set when the endpoint begins to listen, as `calls_in_flight` is: many only call."""
         self.calls_in_flight: CallsInFlight
@@ -442,7 +443,8 @@ class Endpoint(ThreadHandoff):
         return _serving_class(threads=self._has_threads)(self, me)
 
     def _identity(self, token: bytes, name: str) -> Identity:
-        return Identity(self.id, os.urandom(16), token, self.network.domain, name)
+        nonce = self._chance.randbytes(16)
+        return Identity(self.id, nonce, token, self.network.domain, name)
 
     def _identify(self, connection: Connection) -> None:
         if connection.transport is None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import contextvars
-import os
 import weakref
 from collections.abc import Callable, Collection
 from typing import TYPE_CHECKING, Protocol
@@ -18,6 +17,7 @@ import msgspec
 from taskrpc import platform
 from taskrpc.errors import NameInUse
 from taskrpc.security.roles import account_of
+from taskrpc.transport.chance import present_chance
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.pipe import join
@@ -52,7 +52,7 @@ class Hub:
     """The registry that the endpoints of one loop and domain share."""
 
     def __init__(self) -> None:
-        self.token = os.urandom(32)
+        self.token = present_chance().randbytes(32)
         self.entries: dict[MemoryNetwork, TrackedEntry] = {}
         self.listeners: dict[str, Listener] = {}
         """The listeners by address."""

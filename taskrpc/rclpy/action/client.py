@@ -13,6 +13,7 @@ from taskrpc.actions.messages import ActionMessages, bytes_of
 from taskrpc.actions.names import names_of as action_names
 from taskrpc.actions.states import GoalState
 from taskrpc.errors import Code, HandlerFailed
+from taskrpc.transport.chance import present_chance
 
 from .._impl.actions.goal_ids import shown
 from .._impl.node_interface import NodeInterface
@@ -438,7 +439,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
 
 
 def _random_id() -> bytes:
-    return uuid.uuid4().bytes
+    return uuid.UUID(bytes=present_chance().randbytes(16), version=4).bytes
 
 
 def _check_handle(goal_handle: Any) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Awaitable, Sequence
 from typing import Protocol
 
@@ -11,6 +10,7 @@ import msgspec
 from taskrpc.exactly_once.completions import CompletionIndex
 from taskrpc.request_ids.ids import ClientKey, Completion
 from taskrpc.tasks.model import Task
+from taskrpc.transport.chance import present_chance
 
 
 class Stored(msgspec.Struct, frozen=True):
@@ -88,7 +88,7 @@ class MemoryStore:
         self._tasks: dict[int, Task] = {}
         self._next_id = 1
         self._paused = False
-        self._store_id = os.urandom(16)
+        self._store_id = present_chance().randbytes(16)
         self._completions = CompletionIndex()
 
     async def load(self) -> Stored:
@@ -121,7 +121,7 @@ class MemoryStore:
         self._tasks.clear()
         self._next_id = 1
         self._paused = False
-        self._store_id = os.urandom(16)
+        self._store_id = present_chance().randbytes(16)
         self._completions = CompletionIndex()
 
     async def close(self) -> None:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import random
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
@@ -16,6 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from taskrpc.errors import ConnectionLost, ProtocolError, TaskRpcError
 from taskrpc.retry import reconnect_delay
 from taskrpc.transport.base import Deliver, OnMismatch
+from taskrpc.transport.chance import chance_of
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.network import Address, Network
 from taskrpc.wire import topics as wire
@@ -248,7 +248,7 @@ class SubscriptionLink:
                 if loop.time() - began >= STEADY:
                     failures = 0
                     continue
-            await asyncio.sleep(reconnect_delay(failures, random.random()))
+            await asyncio.sleep(reconnect_delay(failures, chance_of(loop).random()))
             failures += 1
 
     async def _use(self, connection: CallingConnection) -> None:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
 from collections import OrderedDict
 from collections.abc import Callable
 from typing import cast
 
+from taskrpc.transport.chance import present_chance
 from taskrpc.transport.limits.log_throttling import ThrottledLog
 from taskrpc.transport.network import Factory
 from taskrpc.transport.tunnel import frames
@@ -140,7 +140,7 @@ class StreamTable:
     def _new_id(self) -> int:
         # Random, so that no program can guess the ids of another program's connections.
         while True:
-            found = int.from_bytes(os.urandom(8), "little")
+            found = int.from_bytes(present_chance().randbytes(8), "little")
             if found and found not in self.streams and found not in self.dialling:
                 return found
 

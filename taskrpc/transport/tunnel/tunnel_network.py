@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import os
 from collections.abc import Callable, Collection
 
 import msgspec
 
 from taskrpc.errors import NameInUse, ProtocolError
+from taskrpc.transport.chance import present_chance
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.engine import Engine, NativeEngine
 from taskrpc.transport.limits.log_throttling import ThrottledLog
@@ -43,7 +43,7 @@ class TunnelNetwork:
         self._given = settings.token
         """The token that the user gave."""
         is_open = settings.token is None and self.accounts is None
-        self.token = PUBLIC_TOKEN if is_open else settings.token or os.urandom(32)
+        self.token = PUBLIC_TOKEN if is_open else settings.token or present_chance().randbytes(32)
         self._shown_token = PUBLIC_TOKEN if is_open else b""
         """The token that other programs find in the announcement."""
         self._engine = engine

@@ -1,12 +1,19 @@
 """The virtual clock is exact, never sleeps, and reports a wait that nothing can end."""
 
 import asyncio
+import os
+import subprocess
+import sys
 import threading
 import time
+from pathlib import Path
 
 import pytest
 
 from taskrpc.testing import NothingWillEverHappen, VirtualTimeLoop
+
+ROOT = Path(__file__).parents[3]
+SEEDS = 200
 
 
 async def test_an_hour_passes_at_once_and_exactly():
@@ -54,3 +61,30 @@ async def test_timers_are_never_early_not_even_by_rounding():
         loop.call_soon(lambda: None)
         await asyncio.sleep(deadline - loop.time())
     assert loop.time() >= deadline
+
+
+# One seed, one run
+
+
+def runs(hash_seed, *options, count=SEEDS):
+    """A line for each seed, from a new process: the seed, and the size and digest of the trace."""
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.taskrpc.testing.one_seed", "0", str(count), *options],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONHASHSEED": str(hash_seed)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stdout.splitlines()
+
+
+def test_a_seed_gives_the_same_run_in_every_process():
+    first = runs(1)
+    assert runs(2) == first
+    assert len({line.split()[-1] for line in first}) == SEEDS, "other seeds give other runs"
+
+
+@pytest.mark.parametrize("plant", ["global-generator", "order-of-a-set"])
+def test_another_source_of_chance_is_found(plant):
+    assert runs(1, plant, count=10) != runs(2, plant, count=10)
