@@ -543,6 +543,22 @@ def end_process(pid: int, *, at_once: bool = False) -> None:
         os.kill(pid, signal.SIGCONT)
 
 
+def has_open(pid: int, file: os.stat_result) -> bool:
+    """Return whether a process has a file open; where the system does not tell, True for any pid.
+
+    Linux tells it for this user's processes. Ids below 1 mean groups of processes: always False.
+    """
+    if pid < 1 or sys.platform != "linux":
+        return pid > 0
+    folder = f"/proc/{pid}/fd"
+    with contextlib.suppress(OSError):  # it has ended, or belongs to another user
+        for descriptor in os.listdir(folder):
+            with contextlib.suppress(OSError):  # it may have just been closed
+                if os.path.samestat(os.stat(f"{folder}/{descriptor}"), file):
+                    return True
+    return False
+
+
 def is_stopped(pid: int) -> bool:
     """Return whether a process is stopped, for example by Ctrl-Z, until it gets SIGCONT."""
     status = f"/proc/{pid}/stat"

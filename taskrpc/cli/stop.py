@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import time
 from collections.abc import Sequence
 
@@ -11,6 +10,7 @@ from taskrpc import platform
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.shared.processes import Process, listing, processes
+from taskrpc.transport import suggestions
 
 END_TIMEOUT = 5.0
 """Seconds that a process gets to end."""
@@ -34,17 +34,37 @@ def _run(options: argparse.Namespace) -> int:
     chosen = processes() if options.all else _chosen(options.name)
     if not chosen:
         print("no taskrpc program is running")
-    for process in chosen:
-        # The process may have ended by itself since the look at the registry.
-        with contextlib.suppress(ProcessLookupError):
-            platform.end_process(process.pid, at_once=options.force)
-    remaining = _wait_for_end(chosen)
-    for process in chosen:
+    signalled = [each for each in chosen if _signal(each, at_once=options.force)]
+    remaining = _wait_for_end(signalled)
+    for process in signalled:
         if process.pid not in remaining:
             print(f"stopped {process}")
+    if foreign := [each for each in chosen if each not in signalled]:
+        raise _foreign(foreign)
     if remaining:
-        raise _still_running([each for each in chosen if each.pid in remaining])
+        raise _still_running([each for each in signalled if each.pid in remaining])
     return Exit.DONE
+
+
+def _signal(process: Process, *, at_once: bool) -> bool:
+    """Tell a process to end; False if it may be another one than its registry entry describes."""
+    if not suggestions.wrote_its_entries(process.pid):
+        return False
+    try:
+        platform.end_process(process.pid, at_once=at_once)
+    except ProcessLookupError:
+        pass  # it has ended by itself since the look at the registry
+    except PermissionError:  # it belongs to another user, so it wrote no entry of this user's
+        return False
+    return True
+
+
+def _foreign(found: Sequence[Process]) -> NotFound:
+    hint = (
+        "a process with this pid did not write the registry entry; another program did, or a"
+        " program in a container, where it has another pid: end it there"
+    )
+    return hinted(NotFound(f"not ended: {listing(found)}"), hint)
 
 
 def _chosen(name: str | None) -> Sequence[Process]:

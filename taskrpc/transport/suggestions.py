@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 from taskrpc import names, platform
 from taskrpc.security.lab import remembered_lab
@@ -40,12 +40,23 @@ def services(entries: Iterable[RegistryEntry], *, hidden: bool = False) -> dict[
 
 def domains() -> dict[int, list[RegistryEntry]]:
     """Return all taskrpc processes of this user on this machine, by domain."""
-    found = {}
+    found = {number: others(registry.entries()) for number, registry in _registries()}
+    return {number: entries for number, entries in found.items() if entries}
+
+
+def wrote_its_entries(pid: int) -> bool:
+    """Return whether a process itself wrote the registry entries of this machine that name its id.
+
+    True if the system does not tell; see `Registry.are_written_by`.
+    """
+    return all(registry.are_written_by(pid) for _, registry in _registries())
+
+
+def _registries() -> Iterator[tuple[int, Registry]]:
     for folder in sorted(platform.runtime_dir().glob("domain_*")):
         number = folder.name.removeprefix("domain_")
-        if number.isdecimal() and (entries := others(Registry(int(number)).entries())):
-            found[int(number)] = entries
-    return found
+        if number.isdecimal():
+            yield int(number), Registry(int(number))
 
 
 def suggestion(service: str) -> str:

@@ -109,6 +109,20 @@ class Registry:
         """The entries of all living processes, this one included, oldest first."""
         return [tracked.entry() for tracked in self.tracked_entries()]
 
+    def are_written_by(self, pid: int) -> bool:
+        """Return whether a process wrote all entries that name its id; True if unknown.
+
+        Another program can have written such an entry; so can one in a container, where processes
+        have other ids.
+        """
+        self.others()
+        for name, (_, reader) in self._readers.items():
+            if reader.tracked is not None and reader.tracked.about.pid == pid:
+                with contextlib.suppress(FileNotFoundError):  # its process has just ended
+                    if not platform.has_open(pid, self._folder.status(name)):
+                        return False
+        return True
+
     def signature(self) -> int:
         """A value that changes when any entry has changed; cheap enough to poll."""
         # One file for any number of processes: every change sets the time of the lock file.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -12,7 +13,8 @@ import time
 import pytest
 
 from taskrpc.cli.shared.processes import Process
-from taskrpc.transport.discovery.entries import RegistryEntry
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
+from taskrpc.transport.discovery.registry import Registry
 from taskrpc.wire.messages import ServiceEndpoint
 
 pytestmark = pytest.mark.real_time
@@ -71,6 +73,38 @@ def test_stop_of_an_unknown_name_ends_no_program(server, run):
     assert (code, out) == (1, "")
     assert f"there are adder.py (pid {server.process.pid})" in err
     assert server.process.poll() is None
+
+
+@contextlib.contextmanager
+def forged_entry(pid):
+    """A locked entry of this test's, with the id of another process."""
+    with contextlib.closing(Registry(0)) as registry:
+        entry = RegistryEntry(pid, "forged.py", "/home", 0.0, nodes=("/forged",))
+        registry.publish(TrackedEntry(entry), EntryChange())
+        yield
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells which files are open")
+@pytest.mark.parametrize("how", [("forged",), ("forged", "--force"), ("--all",)])
+def test_a_process_that_another_program_names_is_not_ended(own_server, run, how):
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as foreign:
+        with forged_entry(foreign.pid):
+            code, out, err = run("stop", *how)
+        foreign.communicate(b"\n")
+    assert foreign.returncode == 0
+    assert (code, out.startswith("stopped adder.py")) == (1, "--all" in how)
+    assert err.startswith(f"not ended: forged.py (pid {foreign.pid})\n  hint: ")
+    assert "did not write the registry entry; " in err
+
+
+@pytest.mark.parametrize("pid", [0, -1, -17])
+def test_no_group_of_processes_is_ended(run, monkeypatch, pid):
+    signalled = []
+    monkeypatch.setattr("taskrpc.platform.end_process", lambda pid, at_once: signalled.append(pid))
+    monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 0.0)
+    with forged_entry(pid):
+        assert run("stop", "forged")[0] == 1
+    assert signalled == []
 
 
 def test_a_program_that_does_not_react_is_reported(server, run, monkeypatch):
