@@ -36,7 +36,7 @@ def why_missing() -> str:
     try:
         import psycopg  # noqa: F401
     except ImportError:
-        return "psycopg is not installed: pip install 'taskrpc[postgres]'"
+        return "psycopg is not installed: pip install 'psycopg[binary]'"
     if sys.platform == "win32" or _programs() is None:
         return "PostgreSQL is not installed: apt-get install postgresql"
     return ""

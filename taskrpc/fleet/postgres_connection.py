@@ -12,14 +12,14 @@ from collections.abc import Awaitable, Mapping
 from typing import Any, TypeAlias, TypeVar
 
 from taskrpc.errors import StoreError, TaskRpcError
+from taskrpc.security.installing import install_command
 
 try:
     import psycopg
     from psycopg import conninfo
 except ImportError as error:
-    raise TaskRpcError(
-        f"--db postgresql://… needs psycopg ({error}): pip install 'taskrpc[postgres]'"
-    ) from None
+    command = install_command("postgres", "psycopg[binary]")
+    raise TaskRpcError(f"--db postgresql://… needs psycopg ({error}): {command}") from None
 
 T = TypeVar("T")
 

@@ -20,6 +20,7 @@ import msgspec
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.qos import QoS
+from taskrpc.security.installing import install_command
 
 try:
     from mcap import records
@@ -29,7 +30,8 @@ try:
 except ModuleNotFoundError as error:
     if error.name and not error.name.startswith("mcap"):
         raise
-    raise TaskRpcError("recordings need mcap: pip install 'taskrpc[record]'") from None
+    command = install_command("record", "mcap")
+    raise TaskRpcError(f"recordings need mcap: {command}") from None
 
 CDR = "cdr"
 """The encoding of ROS messages."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import importlib
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
 
@@ -13,6 +13,7 @@ import msgspec
 
 from taskrpc import platform
 from taskrpc.errors import TaskRpcError
+from taskrpc.security.installing import install_command
 from taskrpc.security.lab import remembered_lab
 from taskrpc.security.roles import Accounts
 from taskrpc.security.tls import Tls
@@ -34,8 +35,8 @@ class Registration(msgspec.Struct, frozen=True):
     """Whether its nodes call the lab of `taskrpc join`."""
     needs: str = ""
     """A module that is not part of taskrpc's dependencies."""
-    advice: str = ""
-    """How to install `needs`."""
+    advice: Callable[[], str] = str
+    """Returns how to install `needs`."""
 
 
 TRANSPORTS = {
@@ -45,7 +46,7 @@ TRANSPORTS = {
     "zenoh": Registration(
         "taskrpc.transport.zenoh.zenoh_engine:open_network",
         needs="zenoh",
-        advice="pip install 'taskrpc[zenoh]'",
+        advice=lambda: install_command("zenoh", "eclipse-zenoh"),
     ),
 }
 """The values of `transport=`. A new transport needs one line here; see `network` and `engine`."""
@@ -143,7 +144,7 @@ def _open(name: str, registration: Registration, settings: Settings) -> Network:
         if not registration.needs or error.name != registration.needs:
             raise
         problem = f"transport={name!r} needs the module {error.name}, which is not installed"
-        raise TaskRpcError(f"{problem}; {registration.advice}") from None
+        raise TaskRpcError(f"{problem}; {registration.advice()}") from None
     return cast("Network", opener(settings))
 
 

@@ -52,7 +52,7 @@ def _zenoh(remote: Remote) -> Iterator[Finding]:
     try:
         yield ok(f"eclipse-zenoh {version('eclipse-zenoh')}")
     except PackageNotFoundError:
-        yield problem("eclipse-zenoh is not installed", TRANSPORTS["zenoh"].advice)
+        yield problem("eclipse-zenoh is not installed", TRANSPORTS["zenoh"].advice())
         return
     peers = environment_peers() if remote.peers is None else remote.peers
     try:

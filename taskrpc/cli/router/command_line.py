@@ -22,7 +22,10 @@ def _run(options: argparse.Namespace) -> int:
     try:
         import zenoh  # noqa: F401
     except ModuleNotFoundError:
-        problem = "taskrpc router needs eclipse-zenoh: pip install 'taskrpc[zenoh]'"
+        from taskrpc.security.installing import install_command
+
+        command = install_command("zenoh", "eclipse-zenoh")
+        problem = f"taskrpc router needs eclipse-zenoh: {command}"
         raise TaskRpcError(problem) from None
     from taskrpc.program import run
 

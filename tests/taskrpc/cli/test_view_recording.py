@@ -21,6 +21,7 @@ from taskrpc.cli import view_recording
 from taskrpc.cli.main import main
 from taskrpc.recording.mcap_file import Recording, RecordingWriter
 from taskrpc.recording.timeline import Timeline
+from taskrpc.security.installing import install_command
 from tests.taskrpc.recording.conftest import record_run
 from tests.taskrpc.web.test_streams import read as read_events
 
@@ -78,7 +79,7 @@ def test_recording_without_a_message_is_one_line(tmp_path, capsys):
     ("missing", "problem"),
     [
         ("aiohttp", "taskrpc view needs aiohttp: pip install aiohttp\n"),
-        ("mcap", "recordings need mcap: pip install 'taskrpc[record]'\n"),
+        ("mcap", f"recordings need mcap: {install_command('record', 'mcap')}\n"),
     ],
 )
 def test_missing_extra_is_one_line_with_its_command(tmp_path, missing, problem):

@@ -31,8 +31,8 @@ async def test_a_missing_module_is_named_with_the_command_that_installs_it(monke
                 raise ModuleNotFoundError("No module named 'pigeon'", name="pigeon")
 
     monkeypatch.setattr(sys, "meta_path", [Missing(), *sys.meta_path])
-    advice = 'install it with: pip install "taskrpc[pigeon]"'
-    register(monkeypatch, "pigeon", "pigeon:open_network", needs="pigeon", advice=advice)
+    advice = "install it with: pip install pigeons"
+    register(monkeypatch, "pigeon", "pigeon:open_network", needs="pigeon", advice=lambda: advice)
     with pytest.raises(taskrpc.TaskRpcError) as caught:
         await taskrpc.Node("node", transport="pigeon").start()
     assert str(caught.value) == (

@@ -14,6 +14,7 @@ from taskrpc.cli.doctor import middlewares
 from taskrpc.cli.main import main
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.errors import TaskRpcError
+from taskrpc.security.installing import install_command
 from tests.taskrpc.transport.conftest import zenoh_router  # noqa: F401
 
 Trigger = srvgen.load("std_srvs/srv/Trigger")
@@ -86,7 +87,7 @@ def test_missing_library_of_zenoh_is_a_problem_with_the_command_that_installs_it
         raise PackageNotFoundError(name)
 
     monkeypatch.setattr(middlewares, "version", missing)
-    advice = "pip install 'taskrpc[zenoh]'"
+    advice = install_command("zenoh", "eclipse-zenoh")
     assert zenoh_findings() == [("problem", "eclipse-zenoh is not installed", advice)]
 
 

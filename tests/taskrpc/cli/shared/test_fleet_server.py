@@ -8,6 +8,7 @@ import pytest
 
 from taskrpc.cli.server import main
 from taskrpc.cli.shared import fleet_server
+from taskrpc.security.installing import install_command
 
 URL = "postgresql://ann:s3cret-word@127.0.0.1:1/fleet"
 
@@ -83,7 +84,7 @@ def test_missing_psycopg_is_named_with_the_command(server, monkeypatch):
     monkeypatch.delattr("taskrpc.fleet.postgres_connection", raising=False)
     code, error = server("--db", URL)
     assert code == 1
-    assert "pip install 'taskrpc[postgres]'" in error
+    assert install_command("postgres", "psycopg[binary]") in error
 
 
 def test_password_in_the_command_is_reported(caplog):
