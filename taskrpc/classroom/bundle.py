@@ -12,6 +12,7 @@ import msgspec
 
 from taskrpc.browser_lab.site import add_to_bundle
 from taskrpc.classroom.bundle_pages import START, Contents, pages
+from taskrpc.classroom.checksums import check_sums, write_sums
 from taskrpc.classroom.wheels import Pip, Wanted, check, download, source
 from taskrpc.errors import TaskRpcError
 
@@ -61,6 +62,7 @@ def make_bundle(
         wheels = folder / WHEELS
         wheels.mkdir(exist_ok=True)
         own = download(wheels, wanted, report, pip)
+        write_sums(wheels)
         report("documentation, labs and notebooks")
         docs, sheets, notebooks = _copy_documents(folder, source(), missing)
         lab = _browser_lab(folder, report, browser_lab, missing)
@@ -98,6 +100,8 @@ def check_bundle(folder: Path, report: Report, pip: Pip | None = None) -> int:
     wanted = Wanted(about.systems, about.pythons, jupyter=about.jupyter)
     if not (folder / START).is_file():
         raise TaskRpcError(f"{folder / START} is missing; make the bundle again")
+    report("that no wheel has changed")
+    check_sums(folder / WHEELS)
     check(folder / WHEELS, wanted, report, pip)
     return len([*wanted.sets()])
 

@@ -11,6 +11,7 @@ import pytest
 
 from taskrpc.classroom import bundle
 from taskrpc.classroom.bundle import check_bundle, make_bundle
+from taskrpc.classroom.checksums import write_sums
 from taskrpc.classroom.wheels import Wanted
 from taskrpc.errors import TaskRpcError
 from tests.taskrpc.classroom.test_wheels import Pip
@@ -123,7 +124,9 @@ def test_file_instead_of_a_folder_is_one_line(tmp_path):
 
 def test_check_takes_the_systems_and_pythons_of_the_bundle(checkout, tmp_path):
     make(tmp_path / "stick", Wanted(["linux"], ["3.12", "3.13"], jupyter=True))
-    (tmp_path / "stick" / "wheels" / "taskrpc-0.1.0-py3-none-any.whl").unlink()  # not a real one
+    wheels = tmp_path / "stick" / "wheels"
+    (wheels / "taskrpc-0.1.0-py3-none-any.whl").unlink()  # not a real one
+    write_sums(wheels)
     pip = Pip()
     assert check_bundle(tmp_path / "stick", print, pip) == 4
     assert [what for what, _ in pip.calls] == [
@@ -156,3 +159,10 @@ def test_about_file_says_what_the_bundle_is_for(checkout, tmp_path):
         "pythons": ["3.12"],
         "jupyter": False,
     }
+
+
+def test_check_of_a_bundle_names_a_changed_wheel(checkout, tmp_path):
+    make(tmp_path)
+    (tmp_path / "wheels" / "taskrpc-0.1.0-py3-none-any.whl").write_bytes(b"another")
+    with pytest.raises(TaskRpcError, match=r"taskrpc-0\.1\.0-py3-none-any\.whl has changed"):
+        check_bundle(tmp_path, print, Pip())

@@ -1,0 +1,40 @@
+"""Checksums find each wheel that differs from the one that was downloaded."""
+
+import hashlib
+
+import pytest
+
+from taskrpc.classroom.checksums import SUMS, check_sums, write_sums
+from taskrpc.errors import TaskRpcError
+
+
+@pytest.fixture
+def wheels(tmp_path):
+    (tmp_path / "a-1.whl").write_bytes(b"first")
+    (tmp_path / "b-1.whl").write_bytes(b"second")
+    write_sums(tmp_path)
+    return tmp_path
+
+
+def test_sums_have_the_format_of_sha256sum(wheels):
+    first, second = (hashlib.sha256(each).hexdigest() for each in (b"first", b"second"))
+    assert (wheels / SUMS).read_bytes() == f"{first}  a-1.whl\n{second}  b-1.whl\n".encode()
+    check_sums(wheels)
+
+
+def test_changed_missing_and_added_wheels_are_named(wheels):
+    (wheels / "a-1.whl").write_bytes(b"First")
+    (wheels / "b-1.whl").unlink()
+    (wheels / "c-1.whl").touch()
+    with pytest.raises(TaskRpcError) as caught:
+        check_sums(wheels)
+    assert str(caught.value) == (
+        f"{wheels}: b-1.whl is missing; c-1.whl was added; a-1.whl has changed;"
+        " make the bundle again"
+    )
+
+
+def test_missing_sums_are_one_line(wheels):
+    (wheels / SUMS).unlink()
+    with pytest.raises(TaskRpcError, match="SHA256SUMS cannot be read; make the bundle again"):
+        check_sums(wheels)
