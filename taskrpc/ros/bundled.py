@@ -21,6 +21,12 @@ EXECUTABLES = {
         "add_two_ints_server": "demo_nodes_py.services.add_two_ints_server:main",
         "add_two_ints_client": "demo_nodes_py.services.add_two_ints_client:main",
     },
+    "joint_state_publisher": {
+        "joint_state_publisher": "joint_state_publisher.joint_state_publisher:main",
+    },
+    "robot_state_publisher": {
+        "robot_state_publisher": "robot_state_publisher.robot_state_publisher:main",
+    },
     "tf2_ros": {
         "buffer_server": "tf2_ros.buffer_server:main",
         "static_transform_publisher": "tf2_ros.static_transform_publisher:main",

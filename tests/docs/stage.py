@@ -16,6 +16,7 @@ import time
 import tomllib
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from xml.etree import ElementTree
 
 import srvgen
 from taskrpc.rclpy._impl.parameters.yaml_parameters import ROS_PARAMETERS, read_file
@@ -128,7 +129,7 @@ class Stage:
         elif block.kind == "python" and not block.file:
             self._run([sys.executable, "-c", block.text])
             self._check_status("the program", 0)
-        elif block.kind in ("srv", "msg", "action", "yaml"):
+        elif block.kind in ("srv", "msg", "action", "yaml", "xml"):
             _check_text(block)
 
     def _offers(self) -> list[str]:
@@ -272,6 +273,8 @@ def _check_text(block: Block) -> None:
             read_file(block.text)
         elif block.kind == "yaml":
             parse_map(block.text)
+        elif block.kind == "xml":
+            ElementTree.fromstring(block.text)
         else:
             package, name = _names(block)
             _PARSERS[block.kind](block.text, package, name)

@@ -70,9 +70,7 @@ def _create(options: argparse.Namespace) -> int:
 
 
 def _list(_: argparse.Namespace) -> int:
-    from taskrpc.cli.shared import definitions
-
-    return print_names(sorted({*_here(), *definitions.search().packages()}))
+    return print_names(_names())
 
 
 def _executables(options: argparse.Namespace) -> int:
@@ -131,7 +129,7 @@ def _xml(options: argparse.Namespace) -> int:
 def _folder(name: str) -> Path:
     from taskrpc.cli.shared import definitions
 
-    if found := _here().get(name):
+    if found := _here().get(name) or _bundled().get(name):
         return found
     folders = definitions.search().packages().get(name)
     if not folders:
@@ -145,9 +143,24 @@ def _here() -> dict[str, Path]:
     return workspace.packages(Path.cwd())
 
 
+def _bundled() -> dict[str, Path]:
+    """The folders of the ROS packages that taskrpc contains, besides definitions."""
+    from taskrpc.ros import bundled
+
+    return bundled.SHARES | bundled.packages()
+
+
+def _names() -> list[str]:
+    """The names of all packages: of the workspace, of definitions, and of taskrpc."""
+    from taskrpc.cli.shared import definitions
+    from taskrpc.ros.bundled import EXECUTABLES
+
+    packages = definitions.search().packages()
+    return sorted({*_here(), *packages, *_bundled(), *EXECUTABLES, "rclpy"})
+
+
 def _unknown(problem: str, name: str) -> NotFound:
     from srvgen.definitions.names import did_you_mean
-    from taskrpc.cli.shared import definitions
 
-    hint = did_you_mean(name, sorted({*_here(), *definitions.search().packages()}))
+    hint = did_you_mean(name, _names())
     return hinted(NotFound(problem), hint)

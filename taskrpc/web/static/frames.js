@@ -55,6 +55,6 @@ export function frameShapes(placed, at, scale, unit) {
     else labels.push({ x, y, names: [name] });
   }
   const texts = labels.map(({ x, y, names: [first, ...others] }) =>
-    drawn("text", { x: x + 4 * unit, y: y + 14 * unit }, others.length ? `${first} +${others.length}` : first, drawn("title", {}, [first, ...others].join("\n"))));
+    drawn("text", { x: x + 4 * unit, y: y - 5 * unit }, others.length ? `${first} +${others.length}` : first, drawn("title", {}, [first, ...others].join("\n"))));
   return [...shapes, ...texts];
 }

@@ -71,3 +71,12 @@ def test_missing_tag_is_an_error(pkg):
     _create_python(pkg)
     assert "No elements with tag 'conflict' in" in pkg("xml", "my_package", "-t", "conflict")[2]
     assert "No elements with tag '[' in" in pkg("xml", "my_package", "-t", "[")[2]
+
+
+def test_packages_that_taskrpc_contains_are_listed_and_found(pkg):
+    known = pkg("list")[1].splitlines()
+    assert {"robot_state_publisher", "tf2_ros", "turtlesim", "demo_nodes_cpp", "rclpy"} <= {*known}
+    for name in ("robot_state_publisher", "turtlesim"):
+        code, out, _ = pkg("prefix", name)
+        assert code == 0
+        assert out.rstrip().endswith(name)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-import importlib
+import importlib.util
+import json
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from taskrpc.ros import hook
 from taskrpc.ros.command_line import split_words, startable
 
 from ..launch_context import LaunchContext
@@ -24,6 +27,21 @@ from .texts import describe_all
 
 _FROM_PIP = {"xacro": "; install it: pip install xacro"}
 """The next step for commands of ROS that Python's package index has."""
+
+
+# The xacro of Python's package index finds no packages of ROS: `$(find PACKAGE)` would fail.
+_XACRO = (
+    "import json, sys; from taskrpc.ros import hook; hook.install(*json.loads(sys.argv.pop(1)));"
+    " from xacro import main; sys.exit(main())"
+)
+
+
+def _xacro(words: list[str]) -> list[str]:
+    """The command that runs xacro with the packages of this workspace; [] for other commands."""
+    if words[:1] != ["xacro"] or importlib.util.find_spec("xacro") is None:
+        return []
+    places = json.dumps([str(place) for place in hook.starts()])
+    return [sys.executable, "-P", "-c", _XACRO, places, *words[1:]]
 
 
 class PythonExpression(Substitution):
@@ -97,7 +115,7 @@ class Command(Substitution):
         words = split_words(line)
         join = subprocess.STDOUT if on_stderr == "capture" else subprocess.PIPE
         try:
-            command = startable(words, None)
+            command = _xacro(words) or startable(words, None)
             done = subprocess.run(
                 command, stdout=subprocess.PIPE, stderr=join, text=True, check=False
             )

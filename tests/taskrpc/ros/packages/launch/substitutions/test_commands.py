@@ -1,5 +1,6 @@
 """Substitutions that run something."""
 
+import importlib
 import shlex
 import sys
 
@@ -44,3 +45,23 @@ def test_executable_is_found_on_the_path(launch, perform, tmp_path, monkeypatch)
     assert perform(find(name=name)) == str(tmp_path / name)
     with pytest.raises(launch.SubstitutionFailure, match="executable 'nope' not found on the PATH"):
         perform(find(name="nope"))
+
+
+def test_xacro_finds_the_packages_of_the_workspace(launch, perform, tmp_path, monkeypatch):
+    hook = importlib.import_module("taskrpc.ros.hook")
+    package = tmp_path / "ws" / "src" / "arm"
+    package.mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>arm</name></package>")
+    (tmp_path / "lib").mkdir()
+    (tmp_path / "lib" / "xacro.py").write_text(
+        "import sys\n"
+        "from ament_index_python.packages import get_package_share_directory\n"
+        "def main():\n"
+        "    print(sys.argv[1:], get_package_share_directory('arm'))\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path / "lib")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "lib"))
+    monkeypatch.setattr(hook._workspace, "starts", [package])
+    monkeypatch.chdir(tmp_path)
+    command = launch.substitutions.Command("xacro a.xacro name:=one")
+    assert perform(command) == f"['a.xacro', 'name:=one'] {package}\n"
