@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from taskrpc.testing import NothingWillEverHappen, VirtualTimeLoop
+from tests.properties import examples
 
 ROOT = Path(__file__).parents[3]
-SEEDS = 200
 
 
 async def test_an_hour_passes_at_once_and_exactly():
@@ -66,7 +66,7 @@ async def test_timers_are_never_early_not_even_by_rounding():
 # One seed, one run
 
 
-def runs(hash_seed, *options, count=SEEDS):
+def runs(hash_seed, count, *options):
     """A line for each seed, from a new process: the seed, and the size and digest of the trace."""
     done = subprocess.run(
         [sys.executable, "-m", "tests.taskrpc.testing.one_seed", "0", str(count), *options],
@@ -79,12 +79,14 @@ def runs(hash_seed, *options, count=SEEDS):
     return done.stdout.splitlines()
 
 
+@pytest.mark.hypothesis  # few seeds in the quick suite, all of them with this mark
 def test_a_seed_gives_the_same_run_in_every_process():
-    first = runs(1)
-    assert runs(2) == first
-    assert len({line.split()[-1] for line in first}) == SEEDS, "other seeds give other runs"
+    count = examples(200)
+    first = runs(1, count)
+    assert runs(2, count) == first
+    assert len({line.split()[-1] for line in first}) == count, "other seeds give other runs"
 
 
 @pytest.mark.parametrize("plant", ["global-generator", "order-of-a-set"])
 def test_another_source_of_chance_is_found(plant):
-    assert runs(1, plant, count=10) != runs(2, plant, count=10)
+    assert runs(1, 10, plant) != runs(2, 10, plant)
