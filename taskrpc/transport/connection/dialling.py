@@ -89,6 +89,31 @@ class Dialler:
             task.exception()  # otherwise asyncio reports it as never retrieved
 
     async def _dial(self, address: Address) -> CallingConnection:
+        while True:
+            try:
+                return await self._attempt(address)
+            except AuthenticationFailed:
+                # The program may have started or restarted since it was searched for. Each start
+                # of a program without a given secret has another one.
+                found = self._found_again(address)
+                if found is None or found.token == address.token:
+                    raise
+                address = found
+
+    def _found_again(self, address: Address) -> Address | None:
+        """The address of the program that is listed for this place now; None if none was listed.
+
+        Raises ConnectionLost if one was listed, but has ended.
+        """
+        network = self._network
+        listed = [network.address_of(entry) for entry in network.entries() if entry.address]
+        known = (each for each in [*network.peers(), *listed] if each.place == address.place)
+        found = next(known, None)
+        if address.pid and (found is None or not found.pid):
+            raise _unreached(address, "its program has ended; another program answers there")
+        return found
+
+    async def _attempt(self, address: Address) -> CallingConnection:
         connection, is_plain = self._make(address), False
         try:
             async with asyncio.timeout(READY_TIMEOUT):

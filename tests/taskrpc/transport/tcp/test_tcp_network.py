@@ -10,9 +10,13 @@ import warnings
 
 import pytest
 
+import srvgen
 import taskrpc
 from taskrpc.transport.tcp.tcp_network import TcpNetwork, split_place
 from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask, outcome, until
+
+String = srvgen.load("std_msgs/msg/String")
+LATCHED = taskrpc.QoS(durability="transient_local")
 
 pytestmark = pytest.mark.real_time
 
@@ -113,6 +117,110 @@ async def test_a_peer_that_starts_late_is_asked_again(unused_tcp_port):
             server.create_service(Add, "add", add)
             async with asyncio.timeout(60):
                 assert await waiting
+
+
+# A server of the same user that restarts: each of its programs has another random secret
+
+
+def before_dialling(node, action):
+    """Do something between a client's look at the registry and its dialling, once."""
+    network = node._transport.network
+    dial = network.dial
+
+    async def dial_after(address, factory):
+        network.dial = dial
+        await action()
+        return await dial(address, factory)
+
+    network.dial = dial_after
+
+
+async def seen_by_call(node):
+    return (await node.create_client(Add, "add").call(ask(1))).sum == 1
+
+
+async def seen_by_listing(node):
+    # The entry of a program that was asked has no pid; the others are of this process.
+    return any("/server" in entry.nodes for entry in await node.graph() if not entry.pid)
+
+
+async def seen_by_definition(node):
+    return (await node._transport.definition("/add"))[0] == "example_interfaces/srv/AddTwoInts"
+
+
+@pytest.mark.parametrize("seen", [seen_by_call, seen_by_listing, seen_by_definition])
+async def test_a_server_that_starts_while_a_client_dials_needs_no_token(unused_tcp_port, seen):
+    place = f"127.0.0.1:{unused_tcp_port}"
+    async with taskrpc.Node("client", peers=[place]) as node, contextlib.AsyncExitStack() as stack:
+        before_dialling(
+            node, lambda: stack.enter_async_context(offering(listen=place, token="new"))
+        )
+        assert await seen(node)
+
+
+@pytest.mark.parametrize(
+    ("with_peers", "seen"),
+    [
+        (True, seen_by_call),
+        (True, seen_by_listing),
+        (True, seen_by_definition),
+        (False, seen_by_call),
+        (False, seen_by_definition),
+    ],
+)
+async def test_a_server_that_restarts_while_a_client_dials_is_reached(
+    unused_tcp_port, with_peers, seen
+):
+    place = f"127.0.0.1:{unused_tcp_port}"
+    async with contextlib.AsyncExitStack() as stack:
+        first = await stack.enter_async_context(contextlib.AsyncExitStack())
+        await first.enter_async_context(offering(listen=place, token="old"))
+
+        async def restart():
+            await first.aclose()
+            await stack.enter_async_context(offering(listen=place, token="new"))
+
+        peers = [place] if with_peers else None
+        async with taskrpc.Node("client", peers=peers) as node:
+            before_dialling(node, restart)
+            assert await seen(node)
+
+
+async def test_a_subscription_follows_a_server_that_starts_while_it_dials(unused_tcp_port, caplog):
+    place = f"127.0.0.1:{unused_tcp_port}"
+    async with contextlib.AsyncExitStack() as stack:
+        node = await stack.enter_async_context(taskrpc.Node("client", peers=[place]))
+
+        async def start():
+            server = await stack.enter_async_context(offering(listen=place, token="new"))
+            server.create_publisher(String, "news", LATCHED).publish(String(data="x"))
+
+        before_dialling(node, start)
+        heard = asyncio.Event()
+        node.create_subscription(String, "news", lambda _: heard.set(), LATCHED)
+        async with asyncio.timeout(60):
+            await heard.wait()
+    assert "secret" not in caplog.text
+
+
+async def test_a_server_that_is_gone_while_another_program_answers_is_not_available(
+    monkeypatch, tmp_path, unused_tcp_port
+):
+    place = f"127.0.0.1:{unused_tcp_port}"
+    async with contextlib.AsyncExitStack() as stack:
+        first = await stack.enter_async_context(contextlib.AsyncExitStack())
+        await first.enter_async_context(offering(listen=place, token="old"))
+
+        async def replace():
+            await first.aclose()
+            with monkeypatch.context() as patched:
+                patched.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # like that of another user
+                await stack.enter_async_context(offering(listen=place, token="new"))
+
+        async with taskrpc.Node("client", peers=[place]) as node:
+            before_dialling(node, replace)
+            with pytest.raises(taskrpc.ServiceUnavailable, match="has ended"):
+                await node.create_client(Add, "add").call(ask())
 
 
 @pytest.mark.parametrize("variable", [True, False])
