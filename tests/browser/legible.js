@@ -1,5 +1,5 @@
 // Returns, as sentences, what cannot be read on a page. Drawings that move, such as the marks of calls, come and go.
-const SLACK = 2, COVERED = 0.2;
+const SLACK = 2, COVERED = 0.05;
 const faults = [];
 const name = node => {
     const text = node.textContent.trim().replace(/\s+/g, " ").slice(0, 60);
@@ -12,8 +12,12 @@ const page = {left: 0, top: 0, right: innerWidth, bottom: innerHeight};
 // The part of a node that its ancestors let through.
 function window_of(node) {
     let {left, top, right, bottom} = page;
+    let isLifted = false; // out of the ancestors up to the next one that has a position
     for (let each = node; each && each !== document.body; each = each.parentElement) {
-        if (getComputedStyle(each).overflow === "visible") continue;
+        const {overflow, position} = getComputedStyle(each);
+        const isSkipped = isLifted && position === "static";
+        isLifted = position === "absolute" || position === "fixed" || isSkipped;
+        if (overflow === "visible" || isSkipped) continue;
         const box = each.getBoundingClientRect();
         left = Math.max(left, box.left); top = Math.max(top, box.top);
         right = Math.min(right, box.right); bottom = Math.min(bottom, box.bottom);
@@ -49,21 +53,29 @@ if (lines.length && document.querySelector("#calls").checkVisibility()) {
     if (named.length !== lines.length) faults.push(`${lines.length} lanes have ${named.length} names`);
 }
 
-// Labels of the map: they may not cover each other, nor stand on walls.
+// Labels of the map: they may not cover each other, nor stand on walls or on the edge of the floor.
+const STEPS = 12;
 const box = node => node.getBoundingClientRect();
-const share = (a, b) => {
-    const width = Math.min(a.right, b.right) - Math.max(a.left, b.left);
-    const height = Math.min(a.bottom, b.bottom) - Math.max(a.top, b.top);
-    return width > 0 && height > 0 ? (width * height) / (a.width * a.height) : 0;
-};
-const labels = [...document.querySelectorAll("#map .place_names text, #map .other_robots text")].filter(seen);
-const walls = [...document.querySelectorAll("#map .walls polygon")];
+function pointsOf({left, top, width, height}) {
+    const points = [];
+    for (let i = 0.5; i < STEPS; i++) for (let j = 0.5; j < 4; j++) points.push([left + width * i / STEPS, top + height * j / 4]);
+    return points;
+}
+const shareIn = (label, isIn) => { const points = pointsOf(box(label)); return points.filter(isIn).length / points.length; };
+const labels = [...document.querySelectorAll("#map .place_names text")].filter(seen);
+const floor = document.querySelector("#map .floor");
 for (const label of labels) {
-    for (const wall of walls) {
-        if (share(box(label), box(wall)) > COVERED) faults.push(`the label ${name(label)} stands on a wall`);
+    for (const wall of document.querySelectorAll("#map .walls polygon")) {
+        const back = wall.getScreenCTM().inverse();
+        if (shareIn(label, ([x, y]) => wall.isPointInFill(new DOMPoint(x, y).matrixTransform(back))) > COVERED) faults.push(`the label ${name(label)} stands on a wall`);
     }
     for (const other of labels) {
-        if (other !== label && share(box(label), box(other)) > COVERED) faults.push(`the label ${name(label)} covers ${name(other)}`);
+        const {left, right, top, bottom} = box(other);
+        const isIn = ([x, y]) => x > left && x < right && y > top && y < bottom;
+        if (other !== label && shareIn(label, isIn) > COVERED) faults.push(`the label ${name(label)} covers ${name(other)}`);
     }
+    const {left, right, top, bottom} = box(floor);
+    const outside = shareIn(label, ([x, y]) => x < left || x > right || y < top || y > bottom);
+    if (outside > COVERED && outside < 1 - COVERED) faults.push(`the label ${name(label)} crosses the edge of the floor`);
 }
 return faults;

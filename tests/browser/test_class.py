@@ -12,6 +12,7 @@ import srvgen
 import taskrpc
 import taskrpc.sync
 from taskrpc.classroom.register import Place, Register
+from tests.browser.legible import SIZES, all_faults
 from tests.browser.live_page import LivePage
 
 LATER = 4e9  # seconds since 1970
@@ -172,3 +173,18 @@ def test_page_without_a_token_says_that_it_needs_one(server, tabs):
     tabs.expect("401")
     tab = tabs.open(server.url, any_certificate=True)
     tab.wait(lambda: "This page has no valid token" in tab.text("body"), "the reason")
+
+
+@pytest.mark.parametrize("query", ["?projector&view=class", "?view=class"])
+def test_class_of_thirty_can_be_read(register, server, services, tabs, query):
+    register.add([f"student_{number:02}" for number in range(28)], LATER)
+    token = next(each.token for each in register.accounts() if each.name == "ada")
+    url = f"{server.url}{query}#view={token}"
+    tab = LivePage(tabs.open(url, any_certificate=True, size=SIZES["projector"])).is_live().tab
+    tab.wait(lambda: len(tab.all("#students > li")) == 30, "the students")
+    found = all_faults(tab, "no task")
+    for _ in range(12):
+        services.submit()
+    tab.wait(lambda: tab.shows("#now_title"), "the task that runs")
+    found += all_faults(tab, "many tasks")
+    assert not found, "\n".join(found)

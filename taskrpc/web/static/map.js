@@ -8,6 +8,9 @@ import { degrees } from "./words.js";
 const SCAN_AGE = 6; // robot seconds that a scan is shown
 const MARGIN = 12; // pixels around the floor
 const FOOT = 24; // pixels below the floor, for the scale bar
+const LABEL = 0.75; // rem, the size of the names of places; on a small map they get smaller
+const LABEL_METRES = 0.5; // and have at most this height
+const LABEL_LEAST = 0.45; // rem
 const RAY_STEP = 6; // one ray of this many is drawn as a line
 
 const points = (list) => list.map(([x, y]) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" ");
@@ -23,6 +26,22 @@ export function scanShapes(scan, at) {
   const rays = ends.filter((_, i) => i % RAY_STEP === 0).map((end) => `M${from}L${end}`);
   const hits = ends.filter((_, i) => scan.ranges[i] < scan.range_max).map((end) => `M${end}h0`);
   return [drawn("polygon.scan_area", { points: ends.join(" ") }), drawn("path.scan_rays", { d: rays.join("") }), drawn("path.scan_hits", { d: hits.join("") })];
+}
+
+/** Return whether a box and a convex polygon overlap: then no axis separates them. */
+function overlaps({ left, right, top, bottom }, polygon) {
+  const corners = [[left, top], [right, top], [right, bottom], [left, bottom]];
+  const axes = [[1, 0], [0, 1], ...polygon.map(([x, y], i) => [polygon.at(i - 1)[1] - y, x - polygon.at(i - 1)[0]])];
+  return axes.every(([x, y]) => {
+    const [a, b] = [corners, polygon].map((shape) => shape.map((point) => point[0] * x + point[1] * y));
+    return Math.max(...a) > Math.min(...b) && Math.max(...b) > Math.min(...a);
+  });
+}
+
+/** Return the first of some boxes that covers least: `polygons` are walls and other labels. */
+export function freest(boxes, polygons) {
+  const cost = (box) => polygons.filter((polygon) => overlaps(box, polygon)).length;
+  return boxes.reduce((best, box) => (cost(box) < cost(best) ? box : best));
 }
 
 export class MapView {
@@ -139,17 +158,52 @@ export class MapView {
 
   drawPlaces(map) {
     const high = Math.max(map.radius * this.scale, 9 * this.unit) + 6 * this.unit; // above the robot
+    const size = Math.max(LABEL_LEAST * rem(), Math.min(LABEL * rem(), LABEL_METRES * this.scale));
+    this.svg.style.setProperty("--label", `${size.toFixed(1)}px`);
+    const taken = map.boxes.map((box) => box.map((point) => this.at(point)));
+    taken.push(...this.sides(map));
     const marks = [];
     const names = [];
+    for (const point of Object.values(map.places)) taken.push(this.square(this.at(point)));
     for (const [name, point] of Object.entries(map.places)) {
       const [x, y] = this.at(point);
       const shape = name === "dock" ? drawn("path.dock", { d: "M-9-9h18v18h-18zM1-6-4 1h4l-1 5 5-7H0z" }) : drawn("path.place", { d: "M0-5 5 0 0 5-5 0z" });
       setAttribute(shape, "transform", `translate(${x} ${y}) scale(${this.unit})`);
       marks.push(shape);
-      names.push(drawn("text", { x, y: y - high, "text-anchor": "middle", "data-place": name }, name));
+      const label = drawn("text", { "text-anchor": "middle", "data-place": name }, name);
+      this.names.append(label);
+      const box = freest(this.boxesBeside(x, y, label.getComputedTextLength() + 0.5 * size, size, high), taken);
+      setAttribute(label, "x", (box.left + box.right) / 2);
+      setAttribute(label, "y", box.bottom - size * 0.25);
+      taken.push([[box.left, box.top], [box.right, box.top], [box.right, box.bottom], [box.left, box.bottom]]);
+      names.push(label);
     }
     this.places.replaceChildren(...marks);
     this.names.replaceChildren(...names);
+  }
+
+  /** Return where the name of a place may stand: above it, below it, and beside it. */
+  boxesBeside(x, y, width, size, high) {
+    const height = size * 1.15;
+    const far = high + height / 2 - size * 0.25;
+    const boxes = [];
+    for (const more of [0, height]) {
+      for (const shift of [0, 0.25, -0.25, 0.45, -0.45]) for (const up of [-1, 1]) boxes.push([x + shift * width, y + up * (far + more)]);
+      for (const side of [1, -1]) boxes.push([x + side * (high + more + width / 2), y]);
+    }
+    return boxes.map(([cx, cy]) => ({ left: cx - width / 2, right: cx + width / 2, top: cy - height / 2, bottom: cy + height / 2 }));
+  }
+
+  /** Return the sides of the floor, as polygons of two points: a name may not cross them. */
+  sides({ size: [w, h] }) {
+    const corners = [[0, 0], [w, 0], [w, h], [0, h]].map((point) => this.at(point));
+    return corners.map((corner, i) => [corner, corners.at(i - 1)]);
+  }
+
+  /** Return the square that the symbol of a place takes. */
+  square([x, y]) {
+    const r = 7 * this.unit;
+    return [[x - r, y - r], [x + r, y - r], [x + r, y + r], [x - r, y + r]];
   }
 
   drawRobot(map) {

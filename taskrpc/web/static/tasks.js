@@ -1,8 +1,10 @@
 // Shows the tasks: the running one, the queue in the order in which it will run, and the ended ones.
 
 import { APPEARS, animate, byId, calm, command, element, icon, isProjector, rem, root, setAttribute, setIcon, setStyle, setText } from "./dom.js";
+import { Fitting } from "./fitting.js";
 import { difference, duration, plural, stateOf, taskText, timeOfDay, wholeSeconds } from "./words.js";
 
+const ENDED_ROW = 2; // rem, the height of an ended task; as in style.css
 const REASON = 3000; // milliseconds that a reason stays beside a task that moved
 const EXAMPLE = "taskrpc-call /robot_task task_type=move target=warehouse priority=8";
 
@@ -130,7 +132,7 @@ class QueueView {
   constructor(model, open, act) {
     this.model = model;
     this.root = byId("queue");
-    this.more = byId("queue_more");
+    this.fitting = new Fitting(this.root, byId("queue_more"), () => parseFloat(getComputedStyle(root).getPropertyValue("--row")));
     this.head = byId("next_text");
     this.empty = byId("queue_empty");
     this.rows = new Map(); // task_id -> Row
@@ -209,7 +211,9 @@ class QueueView {
   step(by) {
     const nodes = [...this.root.children];
     const at = nodes.indexOf(this.focusedRow());
-    nodes[at < 0 ? 0 : Math.max(0, Math.min(nodes.length - 1, at + by))]?.focus();
+    const next = nodes[at < 0 ? 0 : Math.max(0, Math.min(nodes.length - 1, at + by))];
+    if (next?.hidden) this.fitting.showAll(true);
+    next?.focus();
   }
 
   update(changed) {
@@ -220,8 +224,8 @@ class QueueView {
     setText(this.empty.firstChild, this.model.isRecording ? "No task waits." : "No task waits. Try:");
     this.empty.lastChild.hidden = this.model.isRecording;
     setText(this.head, queue.length ? `${tasks.queued} queued${tasks.paused ? ", paused" : ""}${this.model.speed === 1 ? "" : ", times in robot seconds"}` : "");
-    setText(this.more, tasks?.more ? `and ${plural(tasks.more, "more task")}` : "");
     this.arrange(queue, changed.has("reset"));
+    this.fitting.update(tasks?.more ?? 0);
     if (tasks) this.explain(tasks.moves, changed.has("reset"));
     this.frame();
   }
@@ -277,6 +281,7 @@ class DoneView {
     this.model = model;
     this.root = byId("ended");
     this.counts = byId("done_counts");
+    this.fitting = new Fitting(this.root, byId("ended_more"), () => ENDED_ROW);
     this.nodes = new Map(); // task_id and end -> element
     this.root.addEventListener("click", (event) => {
       const id = event.target.closest("[data-task]")?.dataset.task;
@@ -298,6 +303,7 @@ class DoneView {
     this.nodes = new Map(nodes.map((node) => [node.dataset.key, node]));
     nodes.forEach((node, i) => this.root.children[i] !== node && this.root.insertBefore(node, this.root.children[i] ?? null));
     while (this.root.children.length > nodes.length) this.root.lastChild.remove();
+    this.fitting.update(0);
   }
 
   node(task, fresh) {
