@@ -43,7 +43,7 @@ ALLOWED = {
 """Each package of others, and the modules or folders that may import it."""
 ROS = re.compile(r"\w+_(msgs|srvs|interfaces|py|ros|python)|rclpy|launch|turtlesim")
 ROS_FOLDERS = ("taskrpc/ros/", "taskrpc/turtlesim/", "taskrpc/notebook/", "taskrpc/cli/launch.py")
-"""Packages of ROS, which the import hook finds, and where they may be imported."""
+"""Packages of ROS beside those in taskrpc/ros/packages, and where they may be imported."""
 
 PURE = (
     "srvgen/cdr/",
@@ -95,7 +95,8 @@ def refused(path: str, text: str | bytes) -> set[str]:
 def is_allowed(name: str, path: str) -> bool:
     if name in ALLOWED:
         return path.startswith(tuple(ALLOWED[name]))
-    return ROS.fullmatch(name) is not None and path.startswith(ROS_FOLDERS)
+    of_ros = ROS.fullmatch(name) or (ROOT / "taskrpc" / "ros" / "packages" / name).is_dir()
+    return bool(of_ros) and path.startswith(ROS_FOLDERS)
 
 
 def test_each_module_imports_only_what_it_may():
