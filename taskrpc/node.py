@@ -311,7 +311,8 @@ class Node:
             join: whether other processes may offer a service with the same name.
             role: the least role that the caller's account must have, if the node has accounts.
 
-        Raises NameInUse, InvalidName, CannotListen; StoreError if another loop uses the store.
+        Raises NameInUse, InvalidName, CannotListen; StoreError if the store cannot be used, or
+        another loop uses it.
         """
         from taskrpc.service import Service  # imports thread pools, which clients do not need
 

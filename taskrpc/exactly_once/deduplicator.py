@@ -58,6 +58,9 @@ class Deduplicator:
         store: keeps completions and effects.
         codec: encodes and decodes the service's responses.
         serve: runs a call.
+
+    Raises:
+        StoreError: the store has an `open_now`, and cannot be opened.
     """
 
     def __init__(
@@ -66,6 +69,8 @@ class Deduplicator:
         codec: Codec,
         serve: Callable[[IncomingCall], None],
     ) -> None:
+        if hasattr(store, "open_now"):  # before the service is offered
+            store.open_now()
         self.codec = codec
         self.storing: dict[IncomingCall, Callable[[], object]] = {}
         """Executions whose transaction runs; each value is called when the transaction ends."""

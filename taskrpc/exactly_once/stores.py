@@ -26,6 +26,7 @@ from taskrpc.storage.database import (
     read_store_id,
 )
 from taskrpc.storage.error_texts import is_about_the_file
+from taskrpc.storage.table_checks import refuse_other_tables
 from taskrpc.storage.writer import NOTHING_STORED, Writer
 from taskrpc.transport.chance import present_chance
 
@@ -124,6 +125,14 @@ class SqliteCompletions:
         self._guard = _Guard()
         self._writer: Writer[_Done] = Writer(self._open_file, self._write)
 
+    def open_now(self) -> None:
+        """Open the file, so that a service with a file that it cannot use is never offered.
+
+        Raises:
+            StoreError: the file cannot be used, or another process uses it.
+        """
+        self._writer.open_now(_read)
+
     async def recall(self) -> StoredCompletions:
         """Return the store's id and its completions; a broken file is opened again.
 
@@ -177,8 +186,8 @@ class SqliteCompletions:
 
     def _prepare(self, connection: sqlite3.Connection) -> None:
         if not has_store(connection):
-            create_store(connection)
-            create_completion_table(connection)
+            _create_tables(connection)
+        refuse_other_tables(connection, _create_tables)
         _make_own_tables(connection, self._schema)
 
 
@@ -260,6 +269,11 @@ def _statements(effect: Any) -> list[Statement]:
         if _ENDS_TRANSACTIONS.match(sql):
             raise _refused(_not_part(sql))
     return statements
+
+
+def _create_tables(connection: sqlite3.Connection) -> None:
+    create_store(connection)
+    create_completion_table(connection)
 
 
 def _make_own_tables(connection: sqlite3.Connection, schema: Sequence[str]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from taskrpc.errors import StoreError
-from taskrpc.fleet.postgres_connection import Connection
+from taskrpc.fleet.postgres_connection import FAILURES, Connection
 
 _MIGRATION_LOCK = 0x54525043  # the key of an advisory lock: "TRPC"
 
@@ -64,6 +64,18 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
 VERSION = len(MIGRATIONS)
 """The version that this program writes and reads."""
 
+_COLUMNS = (
+    "SELECT version, store_id, revision, record FROM taskrpc_fleet LIMIT 0",
+    "SELECT task_id, revision, state, robot, record FROM taskrpc_task LIMIT 0",
+    "SELECT name, revision, lease_until, record FROM taskrpc_robot LIMIT 0",
+    "SELECT principal, client, sequence, record, checksum, stored_at FROM taskrpc_completion"
+    " LIMIT 0",
+    "SELECT writer, batch, used_at FROM taskrpc_writer LIMIT 0",
+)
+"""Statements that fail if a table of `VERSION` or a column is missing."""
+
+_IS_MISSING = ("42P01", "42703")  # PostgreSQL's codes: no such table, no such column
+
 _TABLE_EXISTS = "SELECT to_regclass('taskrpc_fleet') IS NOT NULL"
 
 
@@ -71,7 +83,7 @@ async def prepare(connection: Connection, migrations: Sequence[Sequence[str]] = 
     """Create the tables, or upgrade them, in one transaction.
 
     Raises:
-        StoreError: a newer program has upgraded them.
+        StoreError: a newer program has upgraded them, or they lack a table or a column.
     """
     async with connection.transaction():
         # Servers that start together wait here for the first one.
@@ -89,6 +101,22 @@ async def prepare(connection: Connection, migrations: Sequence[Sequence[str]] = 
                 await connection.execute(statement)
         if version != len(migrations):
             await connection.execute("UPDATE taskrpc_fleet SET version = %s", (len(migrations),))
+        if len(migrations) == VERSION:
+            await _check_columns(connection)
+
+
+async def _check_columns(connection: Connection) -> None:
+    for statement in _COLUMNS:
+        try:
+            await connection.execute(statement)
+        except FAILURES as error:
+            if getattr(error, "sqlstate", "") not in _IS_MISSING:
+                raise
+            problem = str(error).partition("\n")[0]
+            raise StoreError(
+                f"the database says that it has the tables of version {VERSION}, but {problem};"
+                " restore a backup, or use another database"
+            ) from error
 
 
 def check_version(found: int, expected: int = VERSION) -> None:

@@ -72,6 +72,7 @@ class FleetServer(OfferedTasks):
             NameInUse: another server on this machine offers a service of this robot's name.
         """
         try:
+            await self._store.store_id()  # before a service is offered
             return await super().start(fresh=fresh)
         except NameInUse as error:
             await self._store.close()

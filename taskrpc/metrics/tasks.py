@@ -51,6 +51,8 @@ class MeasuredStore:
         self._seconds = Histogram()
         self._tasks = 0
         self._failures = 0
+        if hasattr(store, "open_now"):  # only stores in files have it
+            self.open_now = store.open_now
 
     def families(self) -> list[Family]:
         """Return the measurements, for `Metrics.add`."""

@@ -73,6 +73,16 @@ class Writer(Generic[_Change]):
         found: _Result = await self._submit(None, lambda: self._opened().read(work))
         return found
 
+    def open_now(self, read: Callable[[sqlite3.Connection], object]) -> bool:
+        """Open the file and try to read it, unless it is open; the event loop waits for that.
+
+        Returns whether this opened it. Raises StoreError.
+        """
+        if self._database is not None:
+            return False
+        self._worker().submit(self._open_and_read, read).result()
+        return True
+
     async def reopen(self) -> None:
         """Open the file; a broken file is closed and opened again. Raises StoreError."""
         await self._submit(None, self._reopen)
@@ -132,10 +142,13 @@ class Writer(Generic[_Change]):
                 taken.append(waiting.popleft())
             job = partial(self._change_all, [each.change for each in taken])
             self.transactions[len(taken)] += 1
+        running = loop.run_in_executor(self._worker(), job)
+        running.add_done_callback(partial(self._done, loop, taken))
+
+    def _worker(self) -> ThreadPoolExecutor:
         if self._thread is None:
             self._thread = ThreadPoolExecutor(1, thread_name_prefix="taskrpc-store")
-        running = loop.run_in_executor(self._thread, job)
-        running.add_done_callback(partial(self._done, loop, taken))
+        return self._thread
 
     def _done(
         self,
@@ -158,6 +171,13 @@ class Writer(Generic[_Change]):
         if self._database is None:
             self._database = self._open_file()
         return self._database
+
+    def _open_and_read(self, read: Callable[[sqlite3.Connection], object]) -> None:
+        try:
+            self._opened().read(read)
+        except BaseException:
+            self._close()
+            raise
 
     def _reopen(self) -> None:
         if self._database is not None and self._database.is_broken:

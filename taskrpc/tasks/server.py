@@ -26,6 +26,7 @@ from taskrpc.node import Node
 from taskrpc.request_ids.ids import Completion, CompletionStore
 from taskrpc.robot.protocol import Robot
 from taskrpc.service import Service
+from taskrpc.storage.lock import FileInUse
 from taskrpc.tasks.action import SubmittingTasks, TaskAction
 from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.model import Task
@@ -437,6 +438,28 @@ class TaskServer(OfferedTasks):
         self.manager: TaskManager = manager
         self._store = store
         self._task_completions = completions
+
+    async def start(self, *, fresh: bool = False) -> Resumed:
+        """Offer the services and start the robot; see `OfferedTasks.start`."""
+        opened = not fresh and self._open_store()
+        try:
+            return await super().start(fresh=fresh)
+        except NameInUse:
+            if opened:
+                await self._store.close()
+            raise
+
+    def _open_store(self) -> bool:
+        """Open a store with an `open_now`, before a service is offered; return whether it did so.
+
+        Raises StoreError.
+        """
+        if not hasattr(self._store, "open_now"):
+            return False
+        try:
+            return bool(self._store.open_now())
+        except FileInUse:  # the other server may have the services' names too, which says more
+            return False
 
     async def _forget_all(self) -> None:
         await self._store.clear()

@@ -44,6 +44,15 @@ class SqliteStore:
         """
         await self._writer.claim(waiting or (lambda error: None))
 
+    def open_now(self) -> bool:
+        """Open and lock the file, unless it is open; return whether this opened it.
+
+        Raises:
+            FileInUse: another process uses it.
+            StoreError: it cannot be used.
+        """
+        return self._writer.open_now(lambda connection: None)
+
     async def load(self) -> Stored:
         """Return everything that the store remembers; see `TaskStore.load`."""
         return await self._writer.read(task_tables.load)

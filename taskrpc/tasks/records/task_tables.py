@@ -28,6 +28,7 @@ from taskrpc.storage.database import (
     replace_store_id,
 )
 from taskrpc.storage.records import Damaged, read_records, with_checksum
+from taskrpc.storage.table_checks import refuse_other_tables
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.records.store import Stored
 
@@ -86,10 +87,7 @@ def prepare(connection: sqlite3.Connection) -> None:
     """
     is_new = connection.execute("SELECT 1 FROM sqlite_master").fetchone() is None
     if is_new and pragma(connection, "application_id") == 0:
-        create_store(connection)
-        create_completion_table(connection)
-        for statement in _TABLES:
-            connection.execute(statement)
+        _create(connection)
     if pragma(connection, "application_id") != _APPLICATION_ID:
         raise StoreError("expected a task database, found another program's database")
     version = pragma(connection, "user_version")
@@ -100,6 +98,14 @@ def prepare(connection: sqlite3.Connection) -> None:
             f"expected a task database of format {FORMAT}, found format {version}; "
             "use the taskrpc that wrote it, or another file"
         )
+    refuse_other_tables(connection, _create)
+
+
+def _create(connection: sqlite3.Connection) -> None:
+    create_store(connection)
+    create_completion_table(connection)
+    for statement in _TABLES:
+        connection.execute(statement)
 
 
 def equip(connection: sqlite3.Connection) -> None:

@@ -87,3 +87,18 @@ def test_version_is_that_of_the_last_migration():
     check_version(VERSION)
     with pytest.raises(StoreError):
         check_version(VERSION + 1)
+
+
+@pytest.mark.parametrize(
+    "statement",
+    ["DROP TABLE taskrpc_completion", "ALTER TABLE taskrpc_task RENAME COLUMN robot TO rover"],
+)
+async def test_tables_that_lack_a_column_are_refused_at_the_start(postgres_url, statement):
+    connection = await DatabaseUrl(postgres_url).connect("test")
+    await prepare(connection)
+    await connection.execute(statement)
+    store = PostgresStore(postgres_url)
+    with pytest.raises(StoreError, match=r"but .* does not exist; restore a backup"):
+        await store.refresh()
+    await close(connection)
+    await store.close()

@@ -3,7 +3,7 @@ import asyncio
 import pytest
 
 import srvgen
-from taskrpc.errors import Code, HandlerFailed, TaskRpcError
+from taskrpc.errors import Code, HandlerFailed, StoreError, TaskRpcError
 from taskrpc.fleet import FleetServer, FleetSettings, MemoryFleet, MemoryFleetStore
 from taskrpc.node import Node
 from tests.taskrpc.tasks.fakes import LineRobot
@@ -201,3 +201,13 @@ async def test_list_says_which_robot_a_task_waits_for(lab):
     assert (await lab.submit()).message == "Task queued: move (waits for r2, which is paused)"
     [task] = (await lab.call(ListTasks, "/r1/robot_task/list")).tasks
     assert task.message == "waits for r2, which is paused"
+
+
+async def test_server_whose_database_cannot_be_used_offers_nothing(lab, monkeypatch):
+    async def cannot_be_used(store):
+        raise StoreError("the database lacks a table")
+
+    monkeypatch.setattr(MemoryFleetStore, "store_id", cannot_be_used)
+    monkeypatch.setattr(FleetServer, "_offer", lambda *_, **__: pytest.fail("it was offered"))
+    with pytest.raises(StoreError, match="lacks a table"):
+        await lab.add("r1")

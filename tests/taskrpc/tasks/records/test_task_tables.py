@@ -44,7 +44,7 @@ DAMAGES = {
     "another number": ("UPDATE task SET task_id = 8 WHERE task_id = 7", "row task_id = 8: "),
     "no server": ("DELETE FROM server", "(table server: expected one row"),
     "no sense": ("UPDATE server SET next_id = 'seven'", "(table server: expected one row"),
-    "no table": ("DROP TABLE task", "no such table: task"),
+    "no table": ("DROP TABLE task", "the table task is not the one that taskrpc writes: expected"),
     "no id": ("UPDATE taskrpc_store SET store_id = 'short'", "expected the store's id of 16 bytes"),
     "no store": ("DELETE FROM taskrpc_store", "expected the store's id of 16 bytes"),
     "a completion": (
