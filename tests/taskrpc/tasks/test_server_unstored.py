@@ -24,6 +24,10 @@ def path(tmp_path):
     return tmp_path / "My Robots" / "tasks.db"
 
 
+def respond(request, response):
+    return response
+
+
 async def outcome(awaitable):
     try:
         return await awaitable
@@ -96,7 +100,7 @@ async def test_error_of_an_unopened_store_hides_its_path(path, caplog):
         taskrpc.Node("server", token="one") as node,
         taskrpc.Node("client", token="other") as laptop,
     ):
-        node.create_service(Trigger, "ask", None, exactly_once=Late(path))
+        node.create_service(Trigger, "ask", respond, exactly_once=Late(path))
         client = laptop.create_client(Trigger, "ask", timeout=5)
         answer = said(await outcome(client.call(Trigger.Request())))
     assert "expected a database, found another file" in answer
@@ -136,11 +140,11 @@ async def test_service_with_a_store_that_cannot_be_used_is_not_offered(path, pro
     async with taskrpc.Node("server") as node:
         store = SqliteCompletions(path, schema)
         with pytest.raises(taskrpc.StoreError, match=r"tasks\.db"):
-            node.create_service(Trigger, "ask", None, exactly_once=store)
+            node.create_service(Trigger, "ask", respond, exactly_once=store)
         assert not node.status().services
         path.unlink()
         path.with_name("tasks.db.lock").unlink()
         right = SqliteCompletions(path)  # the first store has released the file
-        node.create_service(Trigger, "ask", None, exactly_once=right)
+        node.create_service(Trigger, "ask", respond, exactly_once=right)
     await store.close()
     await right.close()
