@@ -56,7 +56,19 @@ def _build(options: argparse.Namespace) -> int:
     if failed:
         print(f"  {len(failed)} package{'s'[: len(failed) != 1]} failed: {' '.join(failed)}")
     print(_NOTE, file=sys.stderr)
+    _note_compiled({name: found[name] for name in chosen})
     return Exit.ERROR if failed else Exit.DONE
+
+
+def _note_compiled(packages: dict[str, Path]) -> None:
+    """Say which programs cannot run here, and why."""
+    from taskrpc.ros.executables import compiled_programs
+    from taskrpc.ros.missing import WHAT_RUNS
+
+    programs = {name: ", ".join(sorted(compiled_programs(packages[name]))) for name in packages}
+    if any(programs.values()):
+        shown = "; ".join(f"{each} of {name}" for name, each in programs.items() if each)
+        print(f"taskrpc: not built: {shown}: {WHAT_RUNS}", file=sys.stderr)
 
 
 def _build_one(name: str) -> bool:

@@ -189,11 +189,14 @@ def file_in_package(package: str, name: str) -> Path:
         get_packages_with_prefixes,
     )
 
+    from taskrpc.ros.missing import explain_program
+
     try:
         share = Path(get_package_share_path(package))
     except PackageNotFoundError as error:
         problem = TaskRpcError(f"Package '{package}' not found: \"{error.args[0]}\"")
-        raise hinted(problem, _guess(package, get_packages_with_prefixes())) from None
+        hint = explain_program(package) or _guess(package, get_packages_with_prefixes())
+        raise hinted(problem, hint) from None
     except ValueError as error:
         raise TaskRpcError(str(error)) from None
     found: list[Path] = []
@@ -202,6 +205,9 @@ def file_in_package(package: str, name: str) -> Path:
         folders[:] = sorted(set(folders) - _LEFT_OUT)
         found += [Path(folder, name)] if name in files else []
         launch_files |= {each for each in files if "launch." in each}
+    if not found and not launch_files and (advice := explain_program(package)):
+        problem = TaskRpcError(f"taskrpc does not have '{name}' of the package '{package}'")
+        raise hinted(problem, advice)
     if not found:
         problem = TaskRpcError(
             f"file '{name}' was not found in the share directory of package '{package}'"

@@ -9,6 +9,7 @@ from pathlib import Path
 from srvgen.definitions.names import similar_names
 from taskrpc.errors import TaskRpcError
 from taskrpc.ros import bundled, cmake, installed, workspace
+from taskrpc.ros.missing import explain_program
 
 _MISSING = "taskrpc-does-not-have"
 
@@ -45,17 +46,22 @@ def run_arguments(package: str, executable: str, starts: Sequence[Path]) -> list
         return [*place, package, executable]
     if executable in bundled.EXECUTABLES.get(package, ()):
         return [package, executable]
-    guesses = similar_names(package, {*packages, *bundled.EXECUTABLES})
-    if guesses and package not in bundled.EXECUTABLES:
+    missing = NotHere(f"taskrpc does not have '{executable}' of the package '{package}'")
+    if package in bundled.EXECUTABLES:
+        raise missing
+    if advice := explain_program(package):
+        missing.add_note(advice)
+        raise missing
+    if guesses := similar_names(package, {*packages, *bundled.EXECUTABLES}):
         raise TaskRpcError(f"package '{package}' not found; did you mean {' or '.join(guesses)}?")
-    raise NotHere(f"taskrpc does not have '{executable}' of the package '{package}'")
+    raise missing
 
 
 def _check_executable(package: str, folder: Path, executable: str) -> None:
     names = installed.executables(folder)
     if executable in names or installed.script(folder, executable) is not None:
         return
-    if executable in _compiled(folder):
+    if executable in compiled_programs(folder):
         raise NotHere(f"'{executable}' of the package '{package}' is a compiled program")
     has = ", ".join(sorted(names)) or "no executables"
     raise TaskRpcError(
@@ -64,8 +70,8 @@ def _check_executable(package: str, folder: Path, executable: str) -> None:
     )
 
 
-def _compiled(folder: Path) -> set[str]:
-    """The programs that CMake compiles in a package."""
+def compiled_programs(folder: Path) -> set[str]:
+    """The programs that CMake compiles in the package of this folder; they do not run here."""
     found = set()
     for command, arguments in cmake.commands(folder):
         if command in ("add_executable", "ament_auto_add_executable") and arguments:

@@ -10,6 +10,8 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 from srvgen.classes.importer import is_importing
+from srvgen.files import archive
+from srvgen.files.search import BUNDLED
 
 if TYPE_CHECKING:
     from importlib.abc import MetaPathFinder
@@ -58,7 +60,25 @@ _PROGRAMS = {
     "rqt_plot": f"{_RQT} to see the values: taskrpc topic echo TOPIC --field NAME --csv",
     "rviz2": "taskrpc has no rviz2; start it on a real ROS 2",
 }
-"""Packages of programs with windows, each with the advice for its users."""
+"""Packages of programs, each with the advice for its users."""
+
+_CLONE = "in the src folder of your workspace, run git clone {} (no build is needed)"
+_TELEOP = _CLONE.format("https://github.com/ros2/teleop_twist_keyboard")
+_LASER = _CLONE.format("-b jazzy https://github.com/ros-perception/laser_geometry")
+_PYTHON["laser_geometry"] = f"its Python part runs here, its C++ library does not; {_LASER}"
+_PROGRAMS |= {
+    "joint_state_publisher_gui": (
+        "taskrpc has no window with sliders; start joint_state_publisher, and publish positions on"
+        " a topic of its parameter source_list"
+    ),
+    "slam_toolbox": (
+        "its programs are in C++ and run only on a real ROS 2; taskrpc has only its definitions"
+    ),
+    "teleop_twist_keyboard": f"it is in Python and runs here; {_TELEOP}",
+}
+
+WHAT_RUNS = "taskrpc runs Python programs; C++ programs, rqt, RViz and Gazebo need a real ROS 2"
+"""What runs here and what does not, in one sentence."""
 
 _REPOSITORIES = {
     "motoros2_interfaces": "https://github.com/Yaskawa-Global/motoros2_interfaces",
@@ -81,8 +101,14 @@ def explain_ros(name: str) -> str:
 
 
 def explain_program(package: str) -> str:
-    """What to use in place of the programs of a package with windows; "" for other packages."""
-    return _PROGRAMS.get(package, "")
+    """What to do for the programs of a package that taskrpc does not have; "" if it is unknown."""
+    if hint := _PROGRAMS.get(package) or _PYTHON.get(package):
+        return hint
+    if package.startswith("nav2_"):
+        return _NAV2
+    if (BUNDLED / package).is_dir() or archive.definitions(package):
+        return f"taskrpc has only the definitions of {package}, no programs and no launch files"
+    return ""
 
 
 def explain_ros_or_interfaces(name: str) -> str:
@@ -94,10 +120,7 @@ def explain_ros_or_interfaces(name: str) -> str:
 
 def _place_for_interfaces(name: str) -> str:
     if repository := _REPOSITORIES.get(name):
-        return (
-            "taskrpc does not have these definitions; in the src folder of your workspace, run"
-            f" git clone {repository} (no build is needed)"
-        )
+        return f"taskrpc does not have these definitions; {_CLONE.format(repository)}"
     return (
         f"if it has interfaces, put its folder (with {name}/srv, {name}/msg) beside the program,"
         " or name the folder above it in TASKRPC_INTERFACE_PATH"

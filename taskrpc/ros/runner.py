@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 from srvgen.cli import process
 from taskrpc.errors import TaskRpcError
 from taskrpc.ros import hook, workspace
-from taskrpc.ros.missing import explain_program
+from taskrpc.ros.missing import WHAT_RUNS, explain_program
 
 _GARBAGE = 700
 """Python's default threshold, which programs expect; the commands of taskrpc use another."""
@@ -103,7 +103,7 @@ def run_executable(
         return _reported(lambda: _ended(lambda: _call(targets[name])))
     if (script := installed.script(folder, name)) is not None:
         return _reported(lambda: run_script(script, arguments))
-    raise _no_executable(package, installed.executables(folder), name)
+    raise _no_executable(package, installed.executables(folder), name, folder)
 
 
 def _run_bundled(package: str, targets: dict[str, str], name: str, arguments: Sequence[str]) -> int:
@@ -113,9 +113,18 @@ def _run_bundled(package: str, targets: dict[str, str], name: str, arguments: Se
     return _reported(lambda: _ended(lambda: _call(targets[name])))
 
 
-def _no_executable(package: str, names: Iterable[str], name: str) -> TaskRpcError:
-    has = ", ".join(sorted(names)) or "no entry points in setup.py"
-    return _with_hint(TaskRpcError("No executable found"), f"{package} has {has}; got '{name}'")
+def _no_executable(
+    package: str, names: Iterable[str], name: str, folder: Path | None = None
+) -> TaskRpcError:
+    from taskrpc.ros.executables import compiled_programs
+
+    error = TaskRpcError("No executable found")
+    compiled = set() if folder is None else compiled_programs(folder)
+    if name in compiled:
+        return _with_hint(error, f"{name} of {package} is a C++ program: {WHAT_RUNS}")
+    nothing = "no programs in Python" if compiled else "no entry points in setup.py"
+    hint = f"{package} has {', '.join(sorted(names)) or nothing}; got '{name}'"
+    return _with_hint(error, f"{hint}; {WHAT_RUNS}" if compiled else hint)
 
 
 def _reported(program: Callable[[], int]) -> int:

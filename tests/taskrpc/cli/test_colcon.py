@@ -103,3 +103,15 @@ def test_setup_files_define_ros2_in_the_shell(colcon, workspace):
             check=False,
         )
         assert (done.stdout, done.stderr) == ("ros2 topic list\n", "")
+
+
+def test_build_says_which_programs_do_not_run_here(colcon, workspace):
+    (workspace / "src/arms/CMakeLists.txt").write_text(
+        "project(arms)\nadd_executable(wave src/wave.cpp)\nadd_executable(grip src/grip.cpp)\n"
+    )
+    code, _, err = colcon("build")
+    assert code == 0
+    assert err == (
+        f"{NOTE}taskrpc: not built: grip, wave of arms: taskrpc runs Python programs; C++ programs,"
+        " rqt, RViz and Gazebo need a real ROS 2\n"
+    )

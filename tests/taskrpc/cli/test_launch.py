@@ -84,6 +84,15 @@ def test_missing_package_or_file_is_one_line(launch):
     assert "did you mean robot.launch.py?" in err
 
 
+def test_a_launch_file_of_a_package_with_definitions_only_is_not_here(launch):
+    code, _, err = launch("slam_toolbox", "online_async_launch.py")
+    assert code == 1
+    problem = "taskrpc does not have 'online_async_launch.py' of the package 'slam_toolbox'"
+    assert err.startswith(
+        f"{problem}\n  hint: its programs are in C++ and run only on a real ROS 2"
+    )
+
+
 def test_missing_path_gets_the_next_step(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     problem = "cannot launch robt.launch.py: No such file or directory"

@@ -7,6 +7,7 @@ import pytest
 
 from srvgen.classes import importer, loader
 from taskrpc.ros import hook
+from taskrpc.ros.missing import explain_program
 
 
 @pytest.fixture
@@ -34,6 +35,10 @@ def hooked(tmp_path, monkeypatch):
         (
             "ament_flake8.main",
             "it checks the style of a package; run `colcon test` on a real ROS 2",
+        ),
+        (
+            "laser_geometry",
+            "its Python part runs here, its C++ library does not; in the src folder",
         ),
         ("image_geometry", "use the camera functions of OpenCV; `cv_bridge` converts the images"),
         ("nav2_simple_commander", "Nav2 runs only on a real ROS 2"),
@@ -74,3 +79,25 @@ def test_find_spec_finds_none_and_does_not_raise():
 def test_other_missing_packages_have_pythons_message():
     with pytest.raises(ModuleNotFoundError, match=r"^No module named 'grocery_shop'$"):
         __import__("grocery_shop")
+
+
+@pytest.mark.parametrize(
+    ("package", "said"),
+    [
+        ("teleop_twist_keyboard", "runs here; in the src folder of your workspace, run git clone"),
+        ("laser_geometry", "its Python part runs here, its C++ library does not; in the src"),
+        ("slam_toolbox", "its programs are in C++ and run only on a real ROS 2"),
+        ("robot_localization", "taskrpc has only the definitions of robot_localization"),
+        ("std_msgs", "taskrpc has only the definitions of std_msgs"),
+        ("joint_state_publisher_gui", "start joint_state_publisher"),
+        ("gazebo_ros", "Gazebo runs only on a real ROS 2"),
+        ("nav2_bringup", "Nav2 runs only on a real ROS 2"),
+        ("xacro", "run pip install xacro"),
+        ("rviz2", "taskrpc has no rviz2"),
+        ("my_package", ""),
+    ],
+)
+def test_advice_for_the_programs_of_a_package(package, said):
+    advice = explain_program(package)
+    assert said in advice
+    assert bool(said) is bool(advice)

@@ -299,6 +299,15 @@ def test_missing_package_or_executable_is_one_line(workspace):
         assert error.startswith(start)
 
 
+def test_a_compiled_program_is_called_one(workspace, tmp_path):
+    (tmp_path / "ws/src/nodes/CMakeLists.txt").write_text("add_executable(wave src/wave.cpp)\n")
+    code, _, error = workspace("nodes", "wave")
+    needs = "taskrpc runs Python programs; C++ programs, rqt, RViz and Gazebo need a real ROS 2\n"
+    assert code == 1
+    assert error == f"No executable found\n  hint: wave of nodes is a C++ program: {needs}"
+    assert workspace("nodes", "wafe")[2].endswith(f"nodes has ask; got 'wafe'; {needs}")
+
+
 def test_executables_of_packages_that_taskrpc_contains_run(workspace, tmp_path):
     code, out, error = workspace("demo_nodes_py", "tolker")
     assert (code, out) == (1, "")

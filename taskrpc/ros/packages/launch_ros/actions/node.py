@@ -121,7 +121,9 @@ class Node(ExecuteProcess):
             try:
                 run = run_arguments(package, executable, hook.starts())
             except NotHere as reason:
-                warn_once(context, f"{reason}, so it is not started; the other programs start")
+                advice = "".join(f" ({note})" for note in getattr(reason, "__notes__", ()))
+                said = f"{reason}, so it is not started; the other programs start"
+                warn_once(context, said + advice)
                 return None
             words = [sys.executable, "-m", "taskrpc", "run", *run]
             shown = ["taskrpc", "run", *run]

@@ -17,7 +17,8 @@ async def test_program_that_is_not_here_is_named_once_and_the_rest_starts(launch
         0,
         [
             "[WARNING] [launch]: taskrpc does not have 'rviz2' of the package 'rviz2', so it is"
-            " not started; the other programs start",
+            " not started; the other programs start (taskrpc has no rviz2; start it on a real"
+            " ROS 2)",
             "[INFO] [launch.user]: the rest",
         ],
     )
