@@ -13,6 +13,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Literal
 
+from msgspec import StructMeta
+
 from .layout import ANYWHERE, FixedPart, Item, Role, padding
 
 ValueKind = Literal["number", "bool", "byte", "string", "wstring", "message"]
@@ -159,7 +161,7 @@ class _Planner:
         if not cls._FIELDS:
             what = "the byte of an empty message"
             self._items.append(Item(path, what, "x", 1, "filler", "", ""))
-        blank = cls()
+        blank = StructMeta.__call__(cls)  # a subclass in a program may have its own `__init__`
         for (name, type_), attribute in zip(cls._FIELDS, cls.__struct_fields__, strict=True):
             inner = f"{path}.{name}" if path else name
             stored = _stored(cls, name, attribute)

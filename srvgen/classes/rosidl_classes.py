@@ -9,7 +9,9 @@ from __future__ import annotations
 
 import os
 import re
+from array import array
 from collections.abc import Callable, Sequence, Set
+from copy import deepcopy
 from functools import cache
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -45,15 +47,37 @@ _made = type(Message).__call__
 
 
 class _RosMessageMeta(_runtime.RenamingMeta):
-    """Makes messages of the class, or of its variant with the other setting of checks."""
+    """Makes messages of the class, or of its variant with the other setting of checks.
+
+    A subclass in a program may have attributes and an `__init__` of its own, which msgspec refuses.
+    """
 
     if not TYPE_CHECKING:
 
+        def __new__(meta, name, bases, names, **options):
+            if "_TYPE" in names or "_ORIGINAL" in names or "SLOT_TYPES" in names:
+                return super().__new__(meta, name, bases, names, **options)
+            init = names.pop("__init__", None)
+            names.pop("__annotations__", None)  # they would become fields
+            made = super().__new__(
+                meta, name, bases, names, **{"dict": True, "gc": True, **options}
+            )
+            if init is not None:
+                _set(made, "__init__", init)
+                _set(made, "_HAS_INIT", True)
+            return made
+
         def __call__(cls, /, *args, **values):
+            if cls._HAS_INIT:
+                message = _made(cls)
+                cls.__init__(message, *args, **values)
+                return message
             if "check_fields" in values:
                 cls = _with_checks(cls, bool(values.pop("check_fields")))
             if cls._CHECKS:
                 _validate_all(cls, values)
+            for name in cls._ARRAYS.keys() & values.keys():
+                values[name] = _array_as_in_ros(*cls._ARRAYS[name], values[name])
             if cls._RENAMED:
                 return super().__call__(*args, **values)
             return _made(cls, *args, **values)
@@ -71,6 +95,10 @@ class RosMessage(Message, kw_only=True, metaclass=_RosMessageMeta):
     """Descriptors of the fields that take any value, by attribute."""
     _STRICT: ClassVar[dict[str, Any]] = {}
     """The same descriptors with checks."""
+    _HAS_INIT: ClassVar[bool] = False
+    """Whether it is a subclass in a program, with an `__init__` of its own."""
+    _ARRAYS: ClassVar[dict[str, tuple[type[NumericArray[Any]], bool]]] = {}
+    """The class of each numeric array and whether its length is fixed, by name and attribute."""
     _CHECKS: ClassVar[bool] = False
     """Whether the fields are checked."""
     _ORIGINAL: ClassVar[Any] = None
@@ -92,9 +120,13 @@ class RosMessage(Message, kw_only=True, metaclass=_RosMessageMeta):
         types = tuple(slot_type(type_, cls._NESTED.get(name)) for name, type_ in cls._FIELDS)
         _set(cls, "SLOT_TYPES", types)
         cls._NAMES = frozenset({*attributes, *(name for name, _ in cls._FIELDS)})
-        lenient, strict, validators = {}, {}, {}
-        for (name, _), attribute, type_ in zip(cls._FIELDS, attributes, types, strict=True):
+        lenient, strict, validators, arrays = {}, {}, {}, {}
+        for (name, text), attribute, type_ in zip(cls._FIELDS, attributes, types, strict=True):
             found = cls.__dict__[attribute]
+            element, bracket, _ = text.partition("[")
+            if bracket and (array_class := _runtime.ARRAY_CLASSES.get(element)):
+                arrays[name] = arrays[attribute] = array_class, _is_fixed_and_numeric(type_)
+                found = property(found.__get__, _array_setter(*arrays[name], found))
             if _is_fixed_and_numeric(type_):
                 found = property(_numpy_getter(slots[attribute]), found.__set__)
             validator = _validator(type_, cls._NESTED.get(name))
@@ -102,6 +134,7 @@ class RosMessage(Message, kw_only=True, metaclass=_RosMessageMeta):
             strict[attribute] = property(found.__get__, _checked_setter(name, validator, found))
             validators[name] = validators[attribute] = (name, validator)
         cls._LENIENT, cls._STRICT, cls._VALIDATORS = lenient, strict, validators
+        cls._ARRAYS = arrays
         _set_checks(cls, checks=os.environ.get("ROS_PYTHON_CHECK_FIELDS") == "1")
 
     @classmethod
@@ -122,6 +155,14 @@ class RosMessage(Message, kw_only=True, metaclass=_RosMessageMeta):
 
     __hash__ = None
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> Any:
+        if not self._HAS_INIT:
+            return super().__deepcopy__(memo)
+        copied = _made(type(self))
+        for name, value in [*_fields(self), *vars(self).items()]:
+            setattr(copied, name, deepcopy(value, memo))
+        return copied
+
     def __repr__(self) -> str:
         fields = zip(self._FIELDS, self.__struct_fields__, strict=True)
         parts = (f"{name}={_shown(getattr(self, attribute))}" for (name, _), attribute in fields)
@@ -137,7 +178,49 @@ def _enable_checks(message: Any, checks: object) -> None:
     message.__class__ = _with_checks(type(message), bool(checks))
 
 
+def _array_setter(
+    array_class: type[NumericArray[Any]], is_fixed: bool, found: Any
+) -> Callable[[Any, Any], None]:
+    put = found.__set__
+    return lambda message, values: put(message, _array_as_in_ros(array_class, is_fixed, values))
+
+
+def _array_as_in_ros(array_class: type[NumericArray[Any]], is_fixed: bool, values: Any) -> Any:
+    """Convert to an array. For wrong elements, raise the error of real classes.
+
+    These make arrays of numpy for a fixed length, and arrays of Python for any other.
+    """
+    if type(values) is array_class:
+        return values
+    try:
+        return array_class.of(values, "")
+    except _runtime.FieldError:
+        if is_fixed and (numpy := _numpy()) is not None:
+            numpy.array(values, dtype=array_class._CODE)
+        else:
+            array(array_class._CODE, values)
+        return values  # refused when the message is sent
+
+
+def _init(message: Any, **values: Any) -> None:
+    """Set fields: what `super().__init__(...)` calls in a subclass of a program."""
+    checks = values.pop("check_fields", None)
+    made = (
+        message._ORIGINAL(**values)
+        if checks is None
+        else message._ORIGINAL(check_fields=checks, **values)
+    )
+    for name, value in _fields(made):
+        setattr(message, name, value)
+
+
+def _fields(message: Any) -> list[tuple[str, Any]]:
+    """The attribute of each field, and its value."""
+    return [(name, getattr(message, name)) for name in message.__struct_fields__]
+
+
 setattr(RosMessage, "_check_fields", property(_is_checked, _enable_checks))  # noqa: B010
+setattr(RosMessage, "__init__", _init)  # noqa: B010 - msgspec refuses it in the class
 
 
 def _set(cls: Any, name: str, value: object) -> None:

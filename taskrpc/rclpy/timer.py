@@ -205,11 +205,10 @@ class Timer(Entity):
 
 
 def _following(due: int, period: int, now: int) -> int:
-    """When it is due next: whole periods after `due`, and not before `now`."""
-    due += period
-    if due >= now:
-        return due
-    return now if period == 0 else due + -(-(now - due) // period) * period
+    """When it is due next: whole periods after `due`, and after `now`."""
+    if period == 0:
+        return now
+    return due + max(1, (now - due) // period + 1) * period
 
 
 def _info_parameter(callback: Callable[..., Any]) -> str | None:

@@ -26,7 +26,14 @@ from rclpy.validate_full_topic_name import validate_full_topic_name
 from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_node_name import validate_node_name
 from rclpy.validate_topic_name import validate_topic_name
-from std_msgs.msg import String
+from rosgraph_msgs.msg import Clock as ClockMessage
+from std_msgs.msg import (
+    Float32MultiArray,
+    Float64MultiArray,
+    Int32MultiArray,
+    String,
+    UInt8MultiArray,
+)
 from test_msgs.msg import BasicTypes
 
 PATIENCE = 10.0
@@ -221,8 +228,65 @@ def ends(node):
         attempt(method, getattr(node, method))
 
 
+class Labelled(String):
+    """A message class with a constructor of its own."""
+
+    def __init__(self, text="none", **fields):
+        super().__init__(**fields)
+        self.data = text
+        self.label = f"label of {text}"
+
+
+def subclasses(node, executor):
+    message = Labelled("a")
+    print(message, message.label, isinstance(message, String))
+    received = []
+    node.create_subscription(String, "labelled", received.append, 10)
+    node.create_publisher(String, "labelled", 10).publish(message)
+    while not received:
+        executor.spin_once(timeout_sec=0.1)
+    print(received)
+
+
+def lists():
+    for cls in (Int32MultiArray, UInt8MultiArray, Float32MultiArray, Float64MultiArray):
+        for values in ([1, "x"], [1.5], [2**40], [-1], "ab", 5, None, [None], (1, 2), {"a": 1}):
+            name = f"{cls.__name__} {values!r}"
+            attempt(name, lambda cls=cls, values=values: setattr(cls(), "data", values))
+        attempt(cls.__name__, lambda cls=cls: cls(data=["x"]))
+
+
+def tasks(executor):
+    order = []
+    for number in range(4):
+        executor.create_task(order.append, number)
+    for _ in range(6):
+        executor.spin_once(timeout_sec=0.05)
+    print("tasks", order)
+
+
+def simulated_time():
+    """The calls of a timer on /clock, also at exact multiples of its period."""
+    uses_it = Parameter("use_sim_time", value=True)
+    node = rclpy.create_node("simulated", parameter_overrides=[uses_it])
+    publisher = node.create_publisher(ClockMessage, "/clock", 10)
+    calls = []
+    node.create_timer(0.5, lambda: calls.append(node.get_clock().now().nanoseconds))
+    for steps in (40, 42, 44, 48, 53, 56, 58):  # quarters of a second
+        wanted = Time(seconds=0, nanoseconds=steps * 250_000_000).to_msg()
+        while node.get_clock().now().to_msg() != wanted:
+            publisher.publish(ClockMessage(clock=wanted))
+            rclpy.spin_once(node, timeout_sec=0.1)
+        for _ in range(3):
+            rclpy.spin_once(node, timeout_sec=0.05)
+        print("clock", steps, calls)
+        calls.clear()
+    node.destroy_node()
+
+
 def main():
     names()
+    lists()
     values()
     rclpy.init()
     node = rclpy.create_node("basics", namespace="ns")
@@ -230,6 +294,9 @@ def main():
     executor.add_node(node)
     parameters(node)
     filters(node, executor)
+    subclasses(node, executor)
+    tasks(executor)
+    simulated_time()
     ends(node)
     rclpy.shutdown()
     sys.stdout.flush()

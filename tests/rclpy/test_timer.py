@@ -41,6 +41,17 @@ def test_missed_periods_are_left_out_and_the_rhythm_is_kept(executor, fake, cloc
     assert calls_of(executor, clock, timer, 2, step=0.2) == [3.6, 4.0, 5.0]
 
 
+@pytest.mark.parametrize("seconds", [1, 2, 3])
+def test_a_timer_calls_once_at_a_multiple_of_its_period(executor, fake, clock, seconds):
+    timer = fake.timer(0.5, None, clock)
+    seen = []
+    timer.callback = lambda: seen.append(clock.ns)
+    clock.go_on(seconds)
+    for _ in range(3):
+        executor.spin_once(0)
+    assert seen == [clock.ns]
+
+
 def test_a_late_call_does_not_shift_the_next_one(executor, fake, clock):
     timer = fake.timer(1, None, clock)
     assert calls_of(executor, clock, timer, 4.2, step=0.7) == [1.4, 2.1, 3.5, 4.2]

@@ -9,12 +9,11 @@ from ..task import Future
 
 
 class EventsExecutor(SingleThreadedExecutor):
-    """As SingleThreadedExecutor, but the oldest task runs first.
+    """As SingleThreadedExecutor, but callback groups have no effect.
 
-    Callback groups have no effect: a callback that awaits something does not delay another one.
+    A callback that awaits something does not delay another one.
     """
 
-    _youngest_first: ClassVar[bool] = False
     _respects_groups: ClassVar[bool] = False
 
     def spin_until_future_complete(

@@ -55,9 +55,6 @@ def never() -> bool:
 class Scheduler:
     """Knows the nodes and the tasks, waits for work, and chooses what runs next."""
 
-    _youngest_first: ClassVar[bool] = True
-    """The order of tasks that are ready at the same time: ROS 2 Jazzy runs the youngest first."""
-
     _respects_groups: ClassVar[bool] = True
     """Whether callback groups limit what may run; else, no callback waits for one that awaits."""
 
@@ -171,7 +168,7 @@ class Scheduler:
 
     def _collect_tasks(self) -> None:
         tasks = _emptied(self._ready_tasks)
-        tasks.sort(key=lambda task: task.number, reverse=self._youngest_first)
+        tasks.sort(key=lambda task: task.number)
         self._round.extend((task, task.entity, task.parent_node) for task in tasks)
 
     def _collect_entities(self, nodes: Sequence[NodeInterface] | None) -> float | None:
