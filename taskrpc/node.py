@@ -261,7 +261,10 @@ class Node:
 
     def _warn_unspun(self, spin: str) -> None:
         """Say that the program ends before a callback of this node could run."""
-        offered = ", ".join(service.status().name for service in self._services)
+        left = [service for service in self._services if not service.finished.done()]
+        if not left and not self._parts:
+            return
+        offered = ", ".join(service.status().name for service in left)
         what = f"the node {self._name}{f', which offers {offered},' if offered else ''}"
         log.warning(
             "%s ends before a callback of it could run; end its block with `%s`", what, spin

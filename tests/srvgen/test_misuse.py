@@ -1,7 +1,6 @@
 """Errors of Python and msgspec that name the mistake in the use of a message or of taskrpc."""
 
 import asyncio
-import sys
 import types
 
 import pytest
@@ -192,10 +191,3 @@ def test_a_property_that_fails_hides_nothing():
     holder = Holder()
     with pytest.raises(RuntimeError, match="not ready"):
         holder.add.Request(c=1)
-
-
-def test_rclpy_in_plain_python_names_the_command(monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["talker.py"])
-    error = ModuleNotFoundError("No module named 'rclpy'", name="rclpy")
-    assert excepthook.explain(error)
-    assert str(error) == "No module named 'rclpy'; start the program with: taskrpc run talker.py"

@@ -15,7 +15,7 @@ import zlib
 import msgspec
 
 from taskrpc import platform
-from taskrpc.private_folder import PrivateFolder
+from taskrpc.security.private_folder import PrivateFolder
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 
 _SLACK = 4096

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from taskrpc import platform
 from taskrpc.errors import NameInUse, TaskRpcError
-from taskrpc.private_folder import PrivateFolder
+from taskrpc.security.private_folder import PrivateFolder
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.journal import TIME_STEP, Journal, JournalReader
 

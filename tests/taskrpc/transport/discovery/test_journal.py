@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskrpc.private_folder import PrivateFolder
+from taskrpc.security.private_folder import PrivateFolder
 from taskrpc.transport.discovery import journal as module
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.journal import Journal, JournalReader, line_of

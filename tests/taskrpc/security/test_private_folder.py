@@ -1,4 +1,7 @@
-"""The registry changes and removes nothing outside its folder, and nothing that is not an entry."""
+"""Through its private folder, the registry changes and removes nothing else.
+
+Nothing that is not an entry is removed, and no link is followed.
+"""
 
 import contextlib
 import logging
