@@ -559,19 +559,43 @@ def has_open(pid: int, file: os.stat_result) -> bool:
     return False
 
 
+def ignores_end(pid: int) -> bool:
+    """Return whether a process ignores the signal to end; only Linux tells it."""
+    import signal
+
+    with contextlib.suppress(OSError, ValueError), open(f"/proc/{pid}/status", "rb") as file:
+        for line in file:
+            if line.startswith(b"SigIgn:"):
+                return bool(int(line.split()[1], 16) >> (signal.SIGTERM - 1) & 1)
+    return False
+
+
 def is_stopped(pid: int) -> bool:
     """Return whether a process is stopped, for example by Ctrl-Z, until it gets SIGCONT."""
+    return _state_of(pid) in (b"T", b"t")
+
+
+def has_ended(pid: int) -> bool:
+    """Return whether no program runs as this process any more. Windows does not tell: always True.
+
+    A process that has ended keeps its id until its parent has read its exit status.
+    """
+    return _state_of(pid) in (b"", b"Z", b"X")
+
+
+def _state_of(pid: int) -> bytes:
+    """Return the letter of a process's state as in ps(1), b"" if there is no such process."""
     status = f"/proc/{pid}/stat"
     with contextlib.suppress(OSError):  # it may have just ended
         if os.path.exists(status):
             with open(status, "rb") as file:
-                return file.read().rpartition(b")")[2].split()[0] in (b"T", b"t")
+                return file.read().rpartition(b")")[2].split()[0]
         if sys.platform != "win32":
             import subprocess
 
             command = ["ps", "-o", "stat=", "-p", str(pid)]
-            return subprocess.run(command, capture_output=True, check=False).stdout[:1] == b"T"
-    return False
+            return subprocess.run(command, capture_output=True, check=False).stdout.strip()[:1]
+    return b""
 
 
 @contextlib.contextmanager

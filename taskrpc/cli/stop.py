@@ -85,11 +85,15 @@ def _wait_for_end(chosen: Sequence[Process]) -> set[int]:
     """Wait up to `END_TIMEOUT`; returns the pids of the processes that still run."""
     wanted = {process.pid for process in chosen}
     deadline = time.monotonic() + END_TIMEOUT
-    while (left := wanted & {process.pid for process in processes()}) and (
-        time.monotonic() < deadline
-    ):
+    while (left := _running(wanted)) and time.monotonic() < deadline:
         time.sleep(_POLL)
     return left
+
+
+def _running(pids: set[int]) -> set[int]:
+    """Return those that still run; one may have left the registry, but not ended."""
+    listed = {process.pid for process in processes()}
+    return {pid for pid in pids if pid in listed or not platform.has_ended(pid)}
 
 
 def _still_running(left: Sequence[Process]) -> NotFound:
@@ -99,11 +103,19 @@ def _still_running(left: Sequence[Process]) -> NotFound:
     return error
 
 
-def _why(process: Process) -> str:
-    """Return why a process still runs; `process` is its entry from before the signal."""
-    now = next((each for each in processes() if each.pid == process.pid), process)
-    if now.is_ending:
-        return "still answers calls and then ends; --force does not wait for them"
-    if process.services:
-        return "does not react: a callback may block its event loop; --force ends it at once"
-    return "handles the signal itself; --force ends it at once"
+def _why(before: Process) -> str:
+    """Return why a process still runs; `before` is its entry from before the signal."""
+    now = next((each for each in processes() if each.pid == before.pid), None)
+    if now is None:
+        return (
+            "has destroyed its nodes, but a thread that is no daemon, or other code, still runs;"
+            " --force ends it at once"
+        )
+    if before.services and not now.services:
+        return "waits for calls in flight, and then ends; --force does not wait for them"
+    if platform.ignores_end(before.pid):
+        return "ignores the signal to end (SIGTERM); --force ends it at once"
+    return (
+        "does not react: a callback may block it, or it handles the signal itself; --force ends it"
+        " at once"
+    )

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import srvgen
 from taskrpc import platform
+from taskrpc.cli.shared.processes import Process
 from taskrpc.cli.shared.remote import HERE, LISTING_TIMEOUT, Remote
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
@@ -122,7 +123,7 @@ async def programs() -> AsyncIterator[Finding]:
         advice = "start one, for example taskrpc-server"
         yield note(f"no program offers a service in domain {domain_id()}", advice)
     for entry in here:
-        if entry.address and not entry.services:
+        if Process(domain_id(), (entry,)).is_ending:
             yield note(f"{_program(entry)} offers no services any more: it is ending")
     for entry in serving:
         yield await _reach(entry)

@@ -48,7 +48,8 @@ class Process:
     def is_ending(self) -> bool:
         """Whether it has withdrawn all services, and only answers earlier calls."""
         listens = any(entry.address for entry in self.entries)
-        return listens and not any(entry.services for entry in self.entries)
+        # A program also listens for the subscribers of its publishers.
+        return listens and not any(entry.services or entry.publishers for entry in self.entries)
 
     def is_meant_by(self, name: str) -> bool:
         """Whether a pid, a script's name, a node or a service means this process."""

@@ -12,7 +12,8 @@ import time
 
 import pytest
 
-from taskrpc.cli.shared.processes import Process
+from taskrpc import platform
+from taskrpc.cli.shared.processes import Process, processes
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.registry import Registry
 from taskrpc.wire.messages import ServiceEndpoint
@@ -148,7 +149,7 @@ def test_draining_program_and_hanging_program_are_distinguished(tmp_path, run, m
         assert slow.stdout.readline() == "called\n"
         code, _, err = run("stop", "slow")
         assert code == 1
-        assert f"hint: slow.py (pid {slow.pid}) still answers calls and then" in err
+        assert f"hint: slow.py (pid {slow.pid}) waits for calls in flight, and then" in err
         code, out, _ = run("ps")
         assert out.splitlines()[1].endswith("  - (ending)")
         (facts,) = json.loads(run("ps", "--json")[1])
@@ -156,6 +157,74 @@ def test_draining_program_and_hanging_program_are_distinguished(tmp_path, run, m
         code, out, _ = run("doctor")
         assert (code, "slow.py" in out, "it is ending" in out) == (0, True, True)
         assert run("stop", "--force", "slow")[0] == 0
+
+
+HELD = """
+import asyncio, signal, threading, time, srvgen, taskrpc
+
+ended = threading.Event()
+
+async def main():
+    async with taskrpc.Node("held") as node:
+        {create}
+        signal.signal(signal.SIGTERM, {handler})
+        print("there", flush=True)
+        {wait}
+
+threading.Thread(target=time.sleep, args=(600,), daemon={daemon}).start()
+taskrpc.run(main())
+"""
+SERVES = 'node.create_service(srvgen.load("std_srvs/srv/Empty"), "empty", lambda _, r: r)'
+PUBLISHES = 'node.create_publisher(srvgen.load("std_msgs/msg/Empty"), "news")'
+
+
+@contextlib.contextmanager
+def held(folder, monkeypatch, handler, wait="time.sleep(600)", *, create=SERVES, leaves=False):
+    """A program that does not end; if it `leaves` the registry, `stop` waits for this first."""
+    text = HELD.format(create=create, handler=handler, wait=wait, daemon=not leaves)
+    (folder / "held.py").write_text(text, encoding="utf-8")
+    end_process = platform.end_process
+
+    def end(pid, *, at_once):
+        end_process(pid, at_once=at_once)
+        while leaves and any(each.pid == pid for each in processes()):
+            time.sleep(0.01)
+
+    monkeypatch.setattr("taskrpc.platform.end_process", end)
+    monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 0.1)
+    with subprocess.Popen(
+        [sys.executable, "held.py"], cwd=folder, stdout=subprocess.PIPE, text=True
+    ) as program:
+        try:
+            assert program.stdout.readline() == "there\n"
+            yield program
+        finally:
+            program.kill()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells which signals are ignored")
+def test_a_program_that_ignores_the_signal_is_reported_as_such(tmp_path, run, monkeypatch):
+    with held(tmp_path, monkeypatch, "signal.SIG_IGN"):
+        assert ") ignores the signal to end (SIGTERM); --force ends it at once" in run("stop")[2]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows cannot ask a process to end")
+def test_a_program_that_a_thread_holds_is_not_called_stopped(tmp_path, run, monkeypatch):
+    wait = "await asyncio.to_thread(ended.wait)"
+    with held(tmp_path, monkeypatch, "lambda *_: ended.set()", wait, leaves=True) as program:
+        code, out, err = run("stop")
+        assert (code, out, program.poll()) == (1, "", None)
+        assert f"held.py (pid {program.pid}) has destroyed its nodes, but a thread" in err
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows cannot ask a process to end")
+@pytest.mark.parametrize("create", [SERVES, PUBLISHES])
+def test_a_blocked_program_or_one_with_a_handler_is_not_called_ending(
+    tmp_path, run, monkeypatch, create
+):
+    with held(tmp_path, monkeypatch, "lambda *_: None", create=create):
+        assert json.loads(run("ps", "--json")[1])[0]["state"] == "running"
+        assert ") does not react: a callback may block it, or it handles the" in run("stop")[2]
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
