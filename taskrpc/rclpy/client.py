@@ -64,6 +64,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
     ) -> None:
         self.parent_node = node
         self.context = node.context
+        self.context.check("failed to create client")
         self.srv_type = srv_type
         self._full_name = self.srv_name = srv_name
         self.qos_profile = qos_profile
@@ -222,16 +223,16 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
                     del self._pending[number]
 
     def service_is_ready(self) -> bool:
-        """Whether a server of the service is known."""
-        self.handle.check()
+        """Whether a server of the service is known; raises RCLError after the shutdown."""
+        self._check()
         return self._native.is_known()
 
     def wait_for_service(self, timeout_sec: float | None = None) -> bool:
         """Wait for a server of the service, at most `timeout_sec` seconds; False without one.
 
-        Returns False, too, when the context is shut down.
+        Raises RCLError when a signal has shut the context down, InvalidHandle when the program has.
         """
-        self.handle.check()
+        self._check()
         endless = timeout_sec is None or timeout_sec < 0
         end = time.monotonic() + (0.0 if timeout_sec is None else timeout_sec)
         while self.context.ok():
@@ -240,7 +241,13 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
                 break
             if self._native.wait(left):
                 return True
+        self._check()
         return self._native.connected or self._native.is_known()
+
+    def _check(self) -> None:
+        """Raise InvalidHandle after `destroy`, RCLError after the shutdown."""
+        self.handle.check()
+        self.context.check("failed to check service availability")
 
     def configure_introspection(
         self,

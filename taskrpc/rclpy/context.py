@@ -48,6 +48,7 @@ class ContextHandle(Handle):
     def shutdown(self) -> None:
         """Shut the context down without calling its callbacks."""
         self._ok = False
+        self.owner.is_over = True
 
 
 class Context:
@@ -64,6 +65,8 @@ class Context:
         """Whether a signal shut it down and `shutdown` was not called since."""
         self.was_interrupted = False
         """Whether a signal ever shut it down."""
+        self.is_over = False
+        """Whether nodes and entities refuse to work. An attribute: publishers read it often."""
         self._domain_id = 0
         self._nodes: list[weakref.ReferenceType[_TrackedNode]] = []
         # Where executors and clocks sleep; the shutdown wakes them.
@@ -116,6 +119,19 @@ class Context:
         handle = self._handle
         return handle is not None and handle._ok
 
+    def check(self, failed: str, kind: str = "rcl node") -> None:
+        """Raise RCLError after the shutdown; `failed` is what cannot be done, in ROS's words."""
+        if self.is_over:
+            raise RCLError(f"{failed}: {kind}'s context is invalid")
+
+    def check_valid(self, failed: str) -> None:
+        """Raise RCLError before `init` and after the shutdown; `failed` is what cannot be done."""
+        if not self.ok():
+            raise RCLError(
+                f"{failed}: the given context is not valid, either rcl_init() was not called or"
+                " rcl_shutdown() was called."
+            )
+
     def destroy(self) -> None:
         """Destroy the handle."""
         if self._handle is not None:
@@ -165,17 +181,20 @@ class Context:
         with self._lock:
             if self._handle is not None:
                 self._handle._ok = False
-            self._by_signal = False
+            by_signal, self._by_signal = self._by_signal, False
             callbacks, self._callbacks = self._callbacks, []
             nodes, self._nodes = self._nodes, []
+        self.is_over = True  # the callbacks cannot publish: in ROS, the nodes are gone by now
         for reference in callbacks:
             if (callback := reference()) is not None:
                 callback()
         for sleep in _all(self._sleeps):  # after the callbacks, which may shut executors down
             sleep.end()
+        self.is_over = by_signal  # a node may publish in its `destroy_node`, for example a stop
         for known in nodes:
             if (node := known()) is not None:
                 node.destroy_node()
+        self.is_over = True
         output.end(self)
 
     def _end_by_signal(self) -> None:
@@ -183,6 +202,7 @@ class Context:
         if self._handle is not None and self._handle._ok:
             self._by_signal = self.was_interrupted = True
             self._handle._ok = False
+            self.is_over = True
             for sleep in _all(self._sleeps):
                 sleep.end()
 

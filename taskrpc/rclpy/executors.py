@@ -332,6 +332,9 @@ class MultiThreadedExecutor(Executor):
         """Exceptions of callbacks, which the next `spin_once` raises."""
         self._spinners: set[int] = set()
         """The threads that wait in `spin_once`, by identifier."""
+        self._ended_spinners: set[int] = set()
+        """The threads whose `spin_once` the shutdown has ended; the next one raises, so that a
+        loop ends."""
 
     def spin_once(self, timeout_sec: Timeout = None) -> None:
         """Wait at most `timeout_sec` seconds for work, and give it to a thread of the pool.
@@ -368,6 +371,9 @@ class MultiThreadedExecutor(Executor):
         try:
             work = self._next(timeout_sec, None, lambda: bool(self._failures) or condition())
         except ExternalShutdownException:
+            if spinner in self._ended_spinners:
+                raise
+            self._ended_spinners.add(spinner)
             return
         finally:
             self._spinners.discard(spinner)

@@ -23,6 +23,7 @@ class GuardCondition(Entity):
         context: Context | None = None,
     ) -> None:
         self._context = get_default_context() if context is None else context
+        self._context.check_valid("failed to create guard_condition")
         self.callback = callback
         callback_parameters(callback, "the callback of a guard condition")
         self.callback_group = callback_group

@@ -72,11 +72,14 @@ class AsyncParameterClient:
         return all(client.service_is_ready() for client in self._clients())
 
     def wait_for_services(self, timeout_sec: float | None = None) -> bool:
-        """Wait for all six services, at most `timeout_sec` seconds; returns whether they exist."""
+        """Wait for all six services, at most `timeout_sec` seconds; returns whether they exist.
+
+        Raises RCLError when a signal has shut the context down, InvalidHandle when the program has.
+        """
         end = None if timeout_sec is None else time.monotonic() + timeout_sec
         while not self.services_are_ready():
             left = _POLL_INTERVAL if end is None else end - time.monotonic()
-            if left <= 0 or not self.node.context.ok():
+            if left <= 0:
                 return False
             time.sleep(min(left, _POLL_INTERVAL))
         return True

@@ -31,6 +31,8 @@ class Publisher(Generic[MsgT]):
         callback_group: CallbackGroup,
         events: Events | None = None,
     ) -> None:
+        self._context = node.context
+        self._context.check("Failed to create publisher")
         self.parent_node = node
         self.msg_type = msg_type
         self._full_name = self.topic = topic
@@ -62,9 +64,12 @@ class Publisher(Generic[MsgT]):
     def publish(self, msg: MsgT | bytes) -> None:
         """Send a message, or the bytes of `serialize_message`, without waiting.
 
-        Raises TypeError for another type, InvalidRequest for a value that does not fit its field.
+        Raises TypeError for another type, InvalidRequest for a value that does not fit its field,
+        RCLError after the shutdown.
         """
         self.handle.check()
+        if self._context.is_over:
+            self._check("Failed to publish")
         message: Any = from_cdr(self.msg_type, msg) if isinstance(msg, bytes) else msg
         if not isinstance(message, self.msg_type):
             raise TypeError(f"Expected {self.msg_type}, got {type(message)}")
@@ -76,18 +81,23 @@ class Publisher(Generic[MsgT]):
 
     def get_subscription_count(self) -> int:
         """How many subscriptions match."""
-        self.handle.check()
+        self._check("failed to get subscription count")
         return self._native.get_subscription_count()
 
     def assert_liveliness(self) -> None:
         """Do nothing: this layer does not watch liveliness."""
-        self.handle.check()
+        self._check("Failed to assert liveliness on the Publisher")
 
     def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
         """Wait until all published messages are on their way; always returns True."""
-        self.handle.check()
+        self._check("Failed to wait for all acknowledgements")
         self.parent_node.handle.bridge.do(lambda: None)  # the loop sends in order
         return True
+
+    def _check(self, failed: str) -> None:
+        """Raise InvalidHandle after `destroy`, RCLError after the shutdown."""
+        self.handle.check()
+        self._context.check(failed, "publisher")
 
     def destroy(self) -> None:
         """Stop publishing; use it through `Node.destroy_publisher`, or `with`."""

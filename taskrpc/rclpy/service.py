@@ -54,6 +54,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         callback_group: CallbackGroup,
         qos_profile: Any,
     ) -> None:
+        node.context.check("failed to create service")
         self.parent_node = node
         self.srv_type = srv_type
         self._full_name = self.srv_name = srv_name

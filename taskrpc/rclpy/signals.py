@@ -35,6 +35,17 @@ _LOCK_FUNCTIONS = frozenset(
 """Functions of `threading` in which an exception would leave a lock locked for ever."""
 _BOOKKEEPING = ("<frozen importlib", weakref.__file__, _weakrefset.__file__)
 """Files in which an exception would be printed and lost, or leave an import locked."""
+_OF_SHUTDOWN = frozenset(
+    {
+        "ExternalShutdownException",
+        "InvalidHandle",
+        "NotInitializedException",
+        "RCLError",
+        "ROSInterruptException",
+    }
+)
+_MODULES = (".executors", ".exceptions", "._rclpy_pybind11")
+"""Exceptions of the methods that refuse to work after the shutdown, and their modules."""
 _MAX_POSTPONEMENTS = 20
 _postponements = 0
 """How often the present signal was postponed in a row."""
@@ -85,8 +96,7 @@ def _handle(number: int, frame: FrameType | None) -> None:
         return
     signal_reminder.handled()
     _context.end_all_by_signal()
-    if number == signal.SIGINT:
-        _end_in_one_line()
+    _end_in_one_line()
     if callable(before):
         before(number, frame)  # the default handler of Python raises KeyboardInterrupt
 
@@ -108,19 +118,39 @@ def _is_delicate(frame: FrameType) -> bool:
     return code.co_name == "__del__" or code.co_filename.startswith(_BOOKKEEPING)
 
 
+@functools.cache
 def _end_in_one_line() -> None:
-    """Print one line instead of a traceback when the program does not catch KeyboardInterrupt."""
-    others = sys.excepthook
+    """Print one line instead of a traceback if the program does not catch the signal's exception.
+
+    After the signal that is KeyboardInterrupt, or the exception of a method that refuses to work
+    after the shutdown.
+    """
+    others, others_of_threads = sys.excepthook, threading.excepthook
 
     def tell(
         kind: type[BaseException], error: BaseException, traceback: TracebackType | None
     ) -> None:
-        if issubclass(kind, KeyboardInterrupt):
-            print("KeyboardInterrupt", file=sys.stderr)
-        else:
+        if not _told(kind, error):
             others(kind, error, traceback)
 
-    sys.excepthook = tell
+    def tell_of_thread(args: threading.ExceptHookArgs) -> None:
+        if args.exc_value is None or not _told(args.exc_type, args.exc_value):
+            others_of_threads(args)
+
+    sys.excepthook, threading.excepthook = tell, tell_of_thread
+
+
+def _told(kind: type[BaseException], error: BaseException) -> bool:
+    """Print an exception that the signal has caused; returns whether it was one."""
+    if issubclass(kind, KeyboardInterrupt):
+        print("KeyboardInterrupt", file=sys.stderr)
+        return True
+    # By name: the modules of these exceptions import this one.
+    if kind.__name__ not in _OF_SHUTDOWN or not kind.__module__.endswith(_MODULES):
+        return False
+    reason = f": {error}" if str(error) else ""
+    print(f"{kind.__name__}{reason} (a signal has shut rclpy down)", file=sys.stderr)
+    return True
 
 
 @functools.cache

@@ -68,6 +68,7 @@ class Subscription(Entity, Generic[MsgT]):
         events: Events | None = None,
         content_filter_options: ContentFilterOptions | None = None,
     ) -> None:
+        node.context.check("Failed to create subscription")
         self.parent_node = node
         self.msg_type = msg_type
         self._full_name = self.topic = topic

@@ -69,11 +69,7 @@ class Timer(Entity):
         self._context = get_default_context() if context is None else context
         if timer_period_ns < 0:
             raise RCLError("failed to create timer: timer period must be non-negative")
-        if not self._context.ok():
-            raise RCLError(
-                "failed to create timer: the given context is not valid, either rcl_init() was not"
-                " called or rcl_shutdown() was called."
-            )
+        self._context.check_valid("failed to create timer")
         self.handle = Handle(self)
         self.callback = callback
         if callback is not None and _info_parameter(callback) is None:
@@ -227,6 +223,7 @@ class Rate:
 
     def __init__(self, timer: Timer, *, context: Context) -> None:
         self._timer = timer
+        self._context = context
         self._is_shutdown = False
         self._is_destroyed = False
         self._event = threading.Event()
@@ -253,7 +250,7 @@ class Rate:
                 self._num_sleepers -= 1
                 if self._num_sleepers == 0 and not self._is_destroyed:
                     self._event.clear()
-        if self._is_shutdown:
+        if not self._context.ok():
             raise ROSInterruptException
 
     def destroy(self) -> None:
@@ -263,7 +260,7 @@ class Rate:
 
     def _wait(self) -> None:
         """Wait for the call of the timer; call it here when no thread spins the node."""
-        while not self._event.wait(self._slice()):
+        while not self._event.wait(self._slice()) and self._context.ok():
             if self._is_unspun():
                 if self._grace_ns:
                     self._grace_ns = 0
@@ -285,7 +282,7 @@ class Rate:
         return not is_busy(self._timer.parent_node.executor)
 
     def _check(self) -> None:
-        if self._is_shutdown:
+        if self._is_shutdown or not self._context.ok():
             raise ROSInterruptException
         if self._is_destroyed:
             raise RuntimeError("Rate cannot sleep because it has been destroyed")

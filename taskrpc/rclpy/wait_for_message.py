@@ -28,8 +28,9 @@ def wait_for_message(
 ) -> tuple[bool, Any]:
     """The next message of a topic: (True, message); (False, None) after `time_to_wait` seconds.
 
-    A negative number waits until the context is shut down.
+    A negative number waits until the context is shut down. Raises RCLError after the shutdown.
     """
+    node.context.check_valid("failed to initialize wait set")
     name, qos = node.resolve_topic_name(topic), topic_profile(qos_profile)
     group = MutuallyExclusiveCallbackGroup()
     subscription: Subscription[Any] = Subscription(node, msg_type, name, _unused, group, qos)

@@ -17,6 +17,7 @@ from unittest.mock import Mock
 
 import pytest
 
+import srvgen
 from taskrpc import rclpy
 from taskrpc.rclpy import signals
 from taskrpc.rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -150,6 +151,76 @@ def test_ctrl_c_ends_the_spinning_of_another_thread():
             print(ended.wait(60))
     """
     assert ended_by(signal.SIGINT, body) == (0, "thread ended\nTrue\n", "")
+
+
+# After the shutdown
+
+
+@pytest.mark.real_time
+@not_on_windows
+@pytest.mark.parametrize("how", ["shutdown", "signal"])
+def test_after_the_shutdown_everything_refuses_as_in_ros(how, tmp_path):
+    """The table is that of the real rclpy, with the differences of `test_ros_after_shutdown`."""
+    root = Path(__file__).parents[2]
+    program = root / "tests" / "interop" / "ros_after_shutdown_program.py"
+    ended = subprocess.run(
+        [sys.executable, "-m", "taskrpc", "run", str(program), how],
+        env=os.environ | {"XDG_RUNTIME_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert ended.returncode == 0, ended.stderr
+    expected = root / "tests" / "golden" / "after_shutdown" / f"{how}.txt"
+    assert ended.stdout.splitlines() == expected.read_text().splitlines()
+
+
+@pytest.mark.real_time
+@not_on_windows
+@pytest.mark.parametrize(
+    "wait",
+    [
+        "client.wait_for_service(timeout_sec=0.05)",
+        "actions.wait_for_server(timeout_sec=0.05)",
+        "pool.spin_once()",
+    ],
+)
+def test_sigterm_ends_a_loop_around_a_wait_in_one_line(wait):
+    body = f"""
+        import srvgen
+        from taskrpc.rclpy import action, executors
+        real = rclpy.create_node("real")
+        client = real.create_client(srvgen.load("std_srvs/srv/Trigger"), "absent")
+        actions = action.ActionClient(
+            real, srvgen.load("test_msgs/action/Fibonacci"), "missing"
+        )
+        pool = executors.MultiThreadedExecutor(2)
+        rclpy.spin_once(node)  # prints "up"
+        while not {wait}:
+            pass
+    """
+    status, _, err = ended_by(signal.SIGTERM, body)
+    assert status == 1
+    assert len(err.splitlines()) == 1
+    assert err.endswith("(a signal has shut rclpy down)\n")
+
+
+def test_a_node_may_publish_while_the_shutdown_destroys_it():
+    """A node that stops its robot in `destroy_node` must still be heard."""
+
+    class Robot(rclpy.node.Node):
+        def destroy_node(self):
+            if self.handle.valid:
+                stop.publish(String())
+                published.append(True)
+            super().destroy_node()
+
+    rclpy.init(args=[])
+    published = []
+    String = srvgen.load("std_msgs/msg/String")
+    stop = Robot("robot").create_publisher(String, "stop", 1)
+    rclpy.shutdown()
+    assert published == [True]
 
 
 # The package's own names

@@ -16,6 +16,7 @@ from taskrpc.errors import Code, HandlerFailed
 from taskrpc.transport.chance import present_chance
 
 from .._impl.actions.goal_ids import shown
+from .._impl.actions.server_parts import check_context
 from .._impl.node_interface import NodeInterface
 from .._impl.reexports import names_of
 from ..callback_groups import CallbackGroup
@@ -165,6 +166,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         super().__init__(group)
         check_is_valid_action_type(action_type)
         remapped = node.resolve_topic_name(action_name)  # raises for an invalid name
+        check_context(node.context, "client")
         self._node = self.parent_node = node
         self._action_type = action_type
         self._action_name = action_name
@@ -336,9 +338,10 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     # The server
 
     def server_is_ready(self) -> bool:
-        """Whether a server of the action is known."""
+        """Whether a server of the action is known; raises RCLError after the shutdown."""
         self._node.handle.check()
         self._handle.check()
+        self._node.context.check("Failed to check if action server is available")
         topics = self._feedback, self._status
         return all(client.service_is_ready() for client in self.clients) and all(
             topic.get_publisher_count() for topic in topics
@@ -347,7 +350,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     def wait_for_server(self, timeout_sec: float | None = None) -> bool:
         """Wait for a server of the action, at most `timeout_sec` seconds; False without one.
 
-        Returns False, too, when the context is shut down.
+        Raises RCLError when a signal has shut the context down, InvalidHandle when the program has.
         """
         end = math.inf if timeout_sec is None else time.monotonic() + timeout_sec
         while self._node.context.ok() and not self.server_is_ready():

@@ -19,7 +19,7 @@ from taskrpc.errors import Code, HandlerFailed
 from .._impl.actions.goal_ids import shown
 from .._impl.actions.result_clock import ResultClock
 from .._impl.actions.result_futures import ResultFutures
-from .._impl.actions.server_parts import Profiles, ServerParts, Taken
+from .._impl.actions.server_parts import Profiles, ServerParts, Taken, check_context
 from .._impl.diagnostics import explain
 from .._impl.node_interface import NodeInterface
 from .._impl.reexports import names_of
@@ -127,6 +127,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         self._node = self.parent_node = node
         self._action_type = action_type
         self._action_name = node.resolve_topic_name(action_name)  # raises for an invalid name
+        check_context(node.context, "server")
         self._logger = node.get_logger().get_child("action_server")
         self._handle = Handle(self)
         self._lock = threading.RLock()
@@ -343,7 +344,8 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         except Exception as error:
             result = self._action_type.Result()
             self._logger.error(f"Error raised in execute callback: {error}")
-            traceback.print_exc()
+            if not self._node.context.is_over:  # else the shutdown is the reason
+                traceback.print_exc()
         if goal_handle.is_active:
             self._logger.warning(f"Goal state not set, assuming aborted. Goal ID: {goal}")
             goal_handle.abort()

@@ -19,8 +19,15 @@ from ..node_interface import NodeInterface
 
 if TYPE_CHECKING:
     from ...clock import Clock
+    from ...context import Context
     from ...qos import QoSProfile
     from ...service_introspection import ServiceIntrospectionState
+
+
+def check_context(context: Context, kind: str) -> None:
+    """Raise ValueError after the shutdown, as ROS does for an action client or server."""
+    if context.is_over:
+        raise ValueError(f"Failed to create action {kind}: rcl node's context is invalid")
 
 
 class Profiles(NamedTuple):

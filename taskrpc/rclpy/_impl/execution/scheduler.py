@@ -65,6 +65,9 @@ class Scheduler:
                 "Context must be initialized before an executor can be created: rclpy.init() comes"
                 " first"
             )
+        self._context.check_valid(
+            "failed to create guard_condition"
+        )  # each executor of ROS has one
         self._nodes: dict[NodeInterface, None] = {}
         self._nodes_lock = threading.RLock()
         self._sleep = Sleep()
@@ -103,7 +106,8 @@ class Scheduler:
         """Wait for the next work and return it.
 
         Returns None after the timeout, when the condition is true or the executor is shut down.
-        Raises ExternalShutdownException when the context is shut down.
+        Raises ExternalShutdownException when the context is shut down, and RCLError if it was
+        before the call and there is a timeout.
         """
         if isinstance(timeout, TimeoutObject):
             timeout = timeout.timeout
@@ -113,7 +117,12 @@ class Scheduler:
             if (work := self._take_from_round(nodes)) is not None:
                 return work
             seen = self._sleep.state
-            due = self._begin_round(nodes)
+            try:
+                due = self._begin_round(nodes)
+            except ExternalShutdownException:
+                if end is None and timeout is not None and timeout > 0:
+                    self._context.check_valid("failed to create timer")  # ROS's timer of the wait
+                raise
             if self._round:
                 continue
             if end is None and timeout is not None and timeout >= 0:

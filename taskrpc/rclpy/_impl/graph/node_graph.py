@@ -22,6 +22,16 @@ NamesAndTypes = list[tuple[str, list[str]]]
 _POLL_INTERVAL = 0.02
 """Seconds between two checks while a program waits for a node."""
 
+_NODES = "Failed to get node names"
+_INFO = "Failed to get information by topic for"
+_KINDS = {
+    EndpointTypeEnum.PUBLISHER: "publishers",
+    EndpointTypeEnum.SUBSCRIPTION: "subscribers",
+    EndpointTypeEnum.SERVER: "services",
+    EndpointTypeEnum.CLIENT: "clients",
+}
+"""The words of ROS in the errors of these methods."""
+
 
 class GraphMethods:
     """The part of `Node` that reads the graph."""
@@ -35,7 +45,9 @@ class GraphMethods:
     def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
         """The name and namespace of every node."""
         return [
-            split_node_name(node) for entry in _entries(self._rclpy_handle) for node in entry.nodes
+            split_node_name(node)
+            for entry in _entries(self._rclpy_handle, _NODES)
+            for node in entry.nodes
         ]
 
     def get_node_names_and_namespaces_with_enclaves(self) -> list[tuple[str, str, str]]:
@@ -44,15 +56,17 @@ class GraphMethods:
 
     def get_fully_qualified_node_names(self) -> list[str]:
         """`/namespace/name` of every node."""
-        return [node for entry in _entries(self._rclpy_handle) for node in entry.nodes]
+        return [node for entry in _entries(self._rclpy_handle, _NODES) for node in entry.nodes]
 
     def get_topic_names_and_types(self, no_demangle: bool = False) -> NamesAndTypes:
         """All topics with their types; `no_demangle` shows names as DDS has them (`rt/…`)."""
-        return _mangled(_gathered(_entries(self._rclpy_handle), _topics), no_demangle)
+        entries = _entries(self._rclpy_handle, "failed to get topic names and types")
+        return _mangled(_gathered(entries, _topics), no_demangle)
 
     def get_service_names_and_types(self) -> NamesAndTypes:
         """All services with their types."""
-        return _gathered(_entries(self._rclpy_handle), ENDPOINTS[EndpointTypeEnum.SERVER])
+        entries = _entries(self._rclpy_handle, "failed to get service names and types")
+        return _gathered(entries, ENDPOINTS[EndpointTypeEnum.SERVER])
 
     def get_action_names_and_types(self) -> NamesAndTypes:
         """All actions, of servers and of clients, with their types."""
@@ -107,7 +121,7 @@ class GraphMethods:
     ) -> list[TopicEndpointInfo]:
         """Every publisher of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
         return topic_endpoints(
-            _entries(self._rclpy_handle),
+            _entries(self._rclpy_handle, f"{_INFO} publishers"),
             EndpointTypeEnum.PUBLISHER,
             _topic_of_info(self._rclpy_handle, topic_name, no_mangle),
         )
@@ -117,7 +131,7 @@ class GraphMethods:
     ) -> list[TopicEndpointInfo]:
         """Every subscription of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
         return topic_endpoints(
-            _entries(self._rclpy_handle),
+            _entries(self._rclpy_handle, f"{_INFO} subscriptions"),
             EndpointTypeEnum.SUBSCRIPTION,
             _topic_of_info(self._rclpy_handle, topic_name, no_mangle),
         )
@@ -125,7 +139,7 @@ class GraphMethods:
     def get_servers_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
         """Every server of a service."""
         return service_endpoints(
-            _entries(self._rclpy_handle),
+            _entries(self._rclpy_handle, f"{_INFO} servers"),
             EndpointTypeEnum.SERVER,
             _absolute_name(self._rclpy_handle, service_name, True),
         )
@@ -133,7 +147,7 @@ class GraphMethods:
     def get_clients_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
         """Every client of a service."""
         return service_endpoints(
-            _entries(self._rclpy_handle),
+            _entries(self._rclpy_handle, f"{_INFO} clients"),
             EndpointTypeEnum.CLIENT,
             _absolute_name(self._rclpy_handle, service_name, True),
         )
@@ -159,12 +173,14 @@ def actions_of(topics: Iterable[tuple[str, list[str]]]) -> NamesAndTypes:
     return list(found.items())
 
 
-def _entries(handle: NodeHandle) -> list[RegistryEntry]:
+def _entries(handle: NodeHandle, failed: str) -> list[RegistryEntry]:
     """The visible processes, each with its nodes, topics and services.
 
-    Raises InvalidHandle for a destroyed node.
+    Raises InvalidHandle for a destroyed node, RCLError after the shutdown; `failed` begins its
+    message.
     """
     handle.check()
+    handle.owner.context.check(failed)
     return handle.bridge.graph()
 
 
@@ -172,7 +188,8 @@ def _by_node(
     handle: NodeHandle, name: str, namespace: str, kind: EndpointTypeEnum
 ) -> NamesAndTypes:
     node = names.fully_qualified(namespace, name)
-    entries = [entry for entry in _entries(handle) if node in entry.nodes]
+    failed = f"failed to get {_KINDS[kind][:-1]} names and types"
+    entries = [entry for entry in _entries(handle, failed) if node in entry.nodes]
     if not entries:
         raise NodeNameNonExistentError(
             f"cannot get names and types for nonexistent node: {namespace}, {name}"
@@ -183,7 +200,8 @@ def _by_node(
 
 def _count(handle: NodeHandle, name: str, is_service: bool, kind: EndpointTypeEnum) -> int:
     full, endpoints = _absolute_name(handle, name, is_service), ENDPOINTS[kind]
-    return sum(one.name == full for entry in _entries(handle) for one in endpoints(entry))
+    entries = _entries(handle, f"Error in rcl_count_{_KINDS[kind]}")
+    return sum(one.name == full for entry in entries for one in endpoints(entry))
 
 
 def _topic_of_info(handle: NodeHandle, name: str, no_mangle: bool) -> str:
