@@ -27,7 +27,8 @@ def show_in_one_message(
     """Show errors for which `is_ours` is true, by default those of srvgen, without a traceback.
 
     A program with its own excepthook keeps it; `python -X dev` shows all tracebacks. A call with
-    `is_ours` replaces one without. `hint` returns what else the user should know of an error.
+    `is_ours` replaces one without, and shows Ctrl-C in one line, too. `hint` returns what else the
+    user should know of an error.
     """
     hook = sys.excepthook
     replaceable = hook is sys.__excepthook__ or (
@@ -90,6 +91,9 @@ class _OneMessageHook:
     def __call__(
         self, kind: type[BaseException], error: BaseException, traceback: TracebackType | None
     ) -> None:
+        if issubclass(kind, KeyboardInterrupt) and self._is_ours is not _is_of_srvgen:
+            print("KeyboardInterrupt", file=sys.stderr)  # Python ends the process by SIGINT
+            return
         messages = messages_of(error, self._is_ours, _location, self._hint)
         if not messages:
             sys.__excepthook__(kind, error, traceback)

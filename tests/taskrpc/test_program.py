@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import signal
 import subprocess
 import sys
 
@@ -344,3 +345,44 @@ def test_a_blocking_node_in_an_async_with_says_how_to_write_it():
 
     with pytest.raises(taskrpc.TaskRpcError, match=r"write `with taskrpc.sync.Node\("):
         asyncio.run(main())
+
+
+NATIVE = """
+import srvgen, taskrpc
+async def main():
+    async with taskrpc.Node("c") as node:
+        client = node.create_client(srvgen.load("std_srvs/srv/Trigger"), "absent")
+        print("up", flush=True)
+        while not await client.wait_for_service(timeout=0.05):
+            print("waiting", flush=True)
+taskrpc.run(main())
+"""
+BLOCKING = """
+import srvgen, taskrpc.sync
+with taskrpc.sync.Node("c") as node:
+    client = node.create_client(srvgen.load("std_srvs/srv/Trigger"), "absent")
+    print("up", flush=True)
+    while not client.wait_for_service(timeout=0.05):
+        print("waiting", flush=True)
+"""
+
+
+@pytest.mark.real_time
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no such signal")
+@pytest.mark.parametrize("program", [NATIVE, BLOCKING], ids=["native", "blocking"])
+@pytest.mark.parametrize("command", [["-c"], ["-m", "taskrpc", "run", "-c"]], ids=["python", "run"])
+@pytest.mark.parametrize(
+    ("number", "said"), [(signal.SIGINT, "KeyboardInterrupt\n"), (signal.SIGTERM, "")]
+)
+def test_a_signal_ends_a_loop_around_a_wait_in_one_line(program, command, number, said):
+    with subprocess.Popen(
+        [sys.executable, *command, program],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    ) as process:
+        assert process.stdout.readline() == "up\n"
+        assert process.stdout.readline() == "waiting\n"
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+    assert (process.returncode, err) == (-number, said)
