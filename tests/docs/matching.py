@@ -13,7 +13,8 @@ _FIGURES = (
     (r"\b\d{4}-\d\d-\d\d\b", "DATE"),
     (r"\[\d{9,}\.\d+\]", "[STAMP]"),
     (r"\b\d+\.\d{4,}(?:e-?\d+)?\b", "FLOAT"),
-    (r"\b\d+\.\d s\b", "SECONDS"),
+    # How much longer a task waits for another one depends on the tasks only.
+    (r"\b\d+\.\d s\b(?!: task \d+, priority \d+, went ahead)", "SECONDS"),
     (r"(?<=\S) {2,}", "  "),  # columns are as wide as such figures
 )
 
