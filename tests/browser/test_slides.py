@@ -44,4 +44,4 @@ def test_each_heading_is_a_slide_and_no_slide_is_cut_off(tabs: Tabs, page: Path)
     text = DECK.read_text(encoding="utf-8")
     assert len(tab.all("section")) == text.count("\n## ") + 1
     assert tab.run("return [...document.images].filter(e => !e.naturalWidth).map(e => e.src)") == []
-    assert tab.run(CUT_OFF, 8) == []
+    assert tab.run(CUT_OFF, 32) == []

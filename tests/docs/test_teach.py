@@ -37,6 +37,40 @@ def test_each_slide_that_the_page_names_exists(section):
     assert not missing
 
 
+def answered(slide: str) -> list[str]:
+    """Return what stands behind the question of a slide; code, tables and lists do not count."""
+    text = re.sub(r"```.*?```|<!--.*?-->|\?scene=", "", slide, flags=re.S)
+    lines = [line for line in text.splitlines()[1:] if line.strip()]
+    asks = [i for i, line in enumerate(lines) if "?" in line and line[0] not in "|123"]
+    if not asks:
+        return []
+    rest = lines[asks[-1]].rpartition("?")[2]
+    return [line for line in [rest, *lines[asks[-1] + 1 :]] if line.strip()]
+
+
+def test_no_slide_shows_the_answer_with_its_question():
+    deck = (TEACH / "slides.md").read_text(encoding="utf-8")
+    slides = re.split(r"^## ", deck, flags=re.M)[1:]
+    found = {slide.partition("\n")[0]: answered(slide) for slide in slides}
+    assert {title: text for title, text in found.items() if text} == {}
+    scenes = [slide for slide in slides if slide.startswith("Scene: ") and "![" not in slide]
+    assert len(scenes) == 6
+    assert [each for each in scenes if not each.rstrip().endswith("?")] == []
+    titles = [slide.partition("\n")[0] for slide in slides]
+    answers = [i for i, title in enumerate(titles) if title.startswith("Answer: ")]
+    assert len(answers) == 9
+    for i in answers:
+        topic = titles[i].removeprefix("Answer: ")
+        assert titles[i - 1].removeprefix("Scene: ").rstrip("?").lower() == topic.lower()
+
+
+def test_an_answer_behind_its_question_is_found():
+    question = "A title\n\nWhat happens with 257 in a `uint8`?"
+    assert answered(question) == []
+    assert answered(f"{question} The server gets 1.") == [" The server gets 1."]
+    assert answered(f"{question}\n\n- The server gets 1.\n") == ["- The server gets 1."]
+
+
 def test_every_scene_and_every_lab_has_its_place():
     cells = _rows("Each concept and its place")
     named = re.findall(r"`([\w-]+)`", " ".join(scene for *_, scene, _ in cells))
