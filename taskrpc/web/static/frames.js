@@ -42,8 +42,8 @@ export function placedFrames(frames, robot) {
   return placed;
 }
 
-/** Return the drawing of placed frames; `at` turns metres into a point of the drawing, `scale` is the pixels of a metre. */
-export function frameShapes(placed, at, scale, unit) {
+/** Return the drawing of placed frames; `at` turns metres into a point of the drawing, `scale` is the pixels of a metre, `middle` the x from which on names stand at the left. */
+export function frameShapes(placed, at, scale, unit, middle) {
   const length = Math.max(SHORTEST * unit, Math.min(LONGEST * unit, AXIS * scale));
   const shapes = [];
   const labels = [];
@@ -55,6 +55,6 @@ export function frameShapes(placed, at, scale, unit) {
     else labels.push({ x, y, names: [name] });
   }
   const texts = labels.map(({ x, y, names: [first, ...others] }) =>
-    drawn("text", { x: x + 4 * unit, y: y - 5 * unit }, others.length ? `${first} +${others.length}` : first, drawn("title", {}, [first, ...others].join("\n"))));
+    drawn("text", { x: x + (x > middle ? -4 : 4) * unit, y: y - 5 * unit, "text-anchor": x > middle ? "end" : "start" }, others.length ? `${first} +${others.length}` : first, drawn("title", {}, [first, ...others].join("\n"))));
   return [...shapes, ...texts];
 }

@@ -266,7 +266,7 @@ export class MapView {
 
   drawFrames() {
     const placed = placedFrames(this.model.frames?.frames ?? [], this.model.robot);
-    this.frames.replaceChildren(...frameShapes(placed, (point) => this.at(point), this.scale, this.unit));
+    this.frames.replaceChildren(...frameShapes(placed, (point) => this.at(point), this.scale, this.unit, this.width / 2));
   }
 
   drawScan() {
