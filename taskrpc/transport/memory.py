@@ -204,6 +204,9 @@ class MemoryNetwork:
 
     def address_of(self, entry: RegistryEntry) -> Address:
         """The address of an endpoint of this loop."""
+        for network, tracked in self._hub.entries.items():
+            if tracked.about.address == entry.address:
+                return Address(entry.address, self._token_for(network))
         return Address(entry.address, bytes.fromhex(entry.token))
 
     def mark(self) -> object:

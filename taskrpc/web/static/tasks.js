@@ -2,7 +2,7 @@
 
 import { APPEARS, animate, byId, calm, command, element, icon, isProjector, rem, root, setAttribute, setIcon, setStyle, setText } from "./dom.js";
 import { Fitting } from "./fitting.js";
-import { difference, duration, plural, stateOf, taskText, timeOfDay, wholeSeconds } from "./words.js";
+import { difference, duration, stateOf, taskText, timeOfDay, wholeSeconds } from "./words.js";
 
 const ENDED_ROW = 2; // rem, the height of an ended task; as in style.css
 const REASON = 3000; // milliseconds that a reason stays beside a task that moved

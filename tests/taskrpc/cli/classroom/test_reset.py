@@ -164,7 +164,7 @@ def test_server_without_a_class_is_named(register, monkeypatch, capsys):
 def offer(monkeypatch, services):
     endpoints = tuple(ServiceEndpoint(name, "t", "h", "n") for name in services)
     entry = RegistryEntry(77, "server.py", "/", 0.0, services=endpoints)
-    monkeypatch.setattr(reset.graph, "others", lambda _: [entry])
+    monkeypatch.setattr(reset.suggestions, "others", lambda _: [entry])
 
 
 def test_options_of_the_command(capsys):
