@@ -258,6 +258,26 @@ async def _runs_once(trial: Trial) -> None:
         expect_one_run(robot, targets)
         for target in targets:
             expect_response(client, code, robot, target)
+        runs = robot.runs.count(second)
+        later = await trial.start("client.py", second)
+        await end_of(later, robot, retry.timeout)
+        if robot.runs.count(second) == runs:
+            raise NotMet(
+                "the robot to run the task of a client that was started once more",
+                "it took the task for a repetition: the second run of the program used a"
+                " request_id of the first run",
+                "a number begins anew in each run; which id is new in every program?",
+            )
+
+
+def expect_no_last_wait(seconds: float, retry: Retry) -> None:
+    """Raise NotMet if the error line comes long after the end of the last attempt."""
+    if seconds > retry.wait(retry.attempts) / 2:
+        raise NotMet(
+            "the error line right after the last attempt",
+            f"it came about {seconds:.1f} s later",
+            "no attempt follows the last one, so what is this wait for?",
+        )
 
 
 def expect_waits(waits: Sequence[float], retry: Retry) -> None:
@@ -282,6 +302,8 @@ async def _gives_up(trial: Trial) -> None:
     for left in reversed(range(_MEASUREMENTS)):
         async with Robot(trial, lose=1000).offered() as robot:
             client = await trial.start("client.py", target)
+            await client.wait_for_line(r"\[ERROR\]", retry.total + STARTED)
+            ended_at = trial.time()
             code = await end_of(client, robot, retry.total)
             if len(robot.requests) != retry.attempts:
                 raise NotMet(
@@ -292,6 +314,7 @@ async def _gives_up(trial: Trial) -> None:
             expect_one_line(client, code, target, retry)
             try:
                 expect_waits(robot.waits(retry), retry)
+                expect_no_last_wait(ended_at - robot.times[-1] - retry.timeout, retry)
             except NotMet:
                 if left == 0:
                     raise

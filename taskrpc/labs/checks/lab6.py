@@ -201,7 +201,7 @@ async def _answers(trial: Trial) -> None:
 
 def expect_answers(text: str, faults: Mapping[str, str]) -> None:
     """Raise NotMet if the answers do not name each fault, and a command that shows it."""
-    lines = [[part.strip() for part in line.split("|")] for line in text.splitlines()]
+    lines = [[part.strip() for part in _inner(line).split("|")] for line in text.splitlines()]
     answers = {line[0]: line[1:] for line in lines if len(line) == 3}
     for file, fault in faults.items():
         if file not in answers:
@@ -230,6 +230,12 @@ def expect_answers(text: str, faults: Mapping[str, str]) -> None:
                 f"{command!r}",
                 "which command made the fault visible? `taskrpc run` stands for a program's log",
             )
+
+
+def _inner(line: str) -> str:
+    """Return a line without the outer bars that tables often have."""
+    line = line.strip()
+    return line[1:].removesuffix("|") if line.startswith("|") else line
 
 
 _ANSWERS = "the robot answers each request"

@@ -40,6 +40,7 @@ async def check_definition(title, folder, text):
     [
         RIGHT,
         "# a comment\n\n" + RIGHT.replace("int32 priority 5", "int32   priority   5  # urgent"),
+        RIGHT.replace("---", "int32 MIN_PRIORITY=1\n---"),
         "int32 MAX_PRIORITY = 10\n" + RIGHT.replace("int32 MAX_PRIORITY=10\n", ""),
     ],
 )
@@ -95,15 +96,16 @@ async def test_missing_definition_is_named_with_those_that_exist(tmp_path):
 
 
 def server(callback):
-    """Return a server whose callback gets a request, a response and the number of the call."""
+    """Return a server whose callback gets a request, a response and the next id."""
 
     async def run(program):
         robot_task = srvgen.define("robot_interfaces/srv/RobotTask", RIGHT)
-        calls = []
+        accepted = []
 
         def handle(request, response):
-            calls.append(request)
-            callback(request, response, len(calls))
+            callback(request, response, len(accepted) + 1)
+            if response.success:
+                accepted.append(request)
             return response
 
         async with Node("server", transport="memory") as node:
@@ -122,13 +124,13 @@ def accept(request, response, task_id):
     response.estimated_time = SECONDS.get(request.task_type, 1.0)
 
 
-def right(request, response, calls):
+def right(request, response, next_id):
     if request.task_type not in SECONDS:
         refuse(response, f"invalid task: {request.task_type}")
     elif not 1 <= request.priority <= 10:
         refuse(response, f"invalid priority: {request.priority}")
     else:
-        accept(request, response, calls)
+        accept(request, response, next_id)
 
 
 async def check_server(title, folder, callback):

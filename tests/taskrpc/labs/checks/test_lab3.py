@@ -120,7 +120,7 @@ async def test_right_client_passes(title, action, tmp_path):
         (TOGETHER, one_after_another, "3 requests before the first response; 1 came"),
         (TOGETHER, reports_a_deadlock, "Client.call in a callback; a callback must return soon"),
         (TOGETHER, reads_too_early, "a future has no result before it is complete"),
-        (TICKS, together_without_ticks, "it did not tick three times"),
+        (TICKS, together_without_ticks, "it did not tick 12 times"),
         (SHOWS, together_without_ticks, "`3 \\+ 30 = .*` as soon as .*printed no sum"),
         (SHOWS, of_another_pair, "with its own a and b"),
         (SHOWS, only_the_last, "printed '3 \\+ 30 = .*'; .*wait for all of them"),

@@ -18,6 +18,11 @@ def test_answers_in_any_spacing_are_accepted():
     expect_answers(RIGHT, FAULTS)
 
 
+def test_answers_in_a_table_with_outer_bars_are_accepted():
+    lines = [f"| {line} |" for line in RIGHT.splitlines() if "|" in line]
+    expect_answers("\n".join(lines), FAULTS)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [

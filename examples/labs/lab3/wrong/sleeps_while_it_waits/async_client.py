@@ -1,4 +1,4 @@
-# The check says: it did not tick three times within
+# The check says: it did not tick 12 times within
 import time
 from functools import partial
 
