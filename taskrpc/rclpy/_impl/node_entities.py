@@ -263,10 +263,14 @@ class NodeEntities:
     def _added(
         self, entities: list[_EntityT], entity: _EntityT, group: CallbackGroup | None = None
     ) -> _EntityT:
-        entities.append(entity)
         if group is not None:
             member: Any = entity
-            group.add_entity(member)
+            try:
+                group.add_entity(member)
+            except BaseException:  # for example because a program passed no group
+                member.destroy()
+                raise
+        entities.append(entity)
         self.wake_executor()
         return entity
 

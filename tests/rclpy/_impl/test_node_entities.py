@@ -99,3 +99,25 @@ def test_services_have_profiles_and_no_depths(world, make):
     settings = {"callback": print} if make == "create_service" else {}
     with pytest.raises(AttributeError, match="'int' object has no attribute 'get_c_qos_profile'"):
         getattr(world.node(), make)(Trigger, "go", qos_profile=10, **settings)
+
+
+@pytest.mark.parametrize(
+    ("kind", "create"),
+    [
+        (
+            "subscriptions",
+            lambda node, **wrong: node.create_subscription(String, "t", print, 1, **wrong),
+        ),
+        ("clients", lambda node, **wrong: node.create_client(Trigger, "go", **wrong)),
+        ("services", lambda node, **wrong: node.create_service(Trigger, "go", print, **wrong)),
+        ("timers", lambda node, **wrong: node.create_timer(10, print, **wrong)),
+        ("guards", lambda node, **wrong: node.create_guard_condition(print, **wrong)),
+    ],
+)
+def test_an_entity_without_a_valid_group_is_not_kept(world, kind, create):
+    node = world.node()
+    before = list(getattr(node, kind))
+    with pytest.raises(AttributeError, match="add_entity"):
+        create(node, callback_group="none")
+    assert list(getattr(node, kind)) == before
+    assert create(node) in getattr(node, kind)  # also a service: its name is free again
