@@ -307,7 +307,7 @@ async def _estimates(trial: Trial) -> None:
 def expect_estimates(
     seconds: Mapping[str, float], sent: float, first: Accepted, tasks: Sequence[Accepted]
 ) -> None:
-    """Raise NotMet if an estimate is shorter than the work ahead, or longer than all work.
+    """Raise NotMet if an estimate is shorter or longer than the work ahead.
 
     Args:
         seconds: how long a task of each type takes.
@@ -323,12 +323,13 @@ def expect_estimates(
         words = f"{rest:.1f} s of the running task, {waiting:g} s of waiting ones ahead of it"
         own = seconds[task.type]
         _expect_at_least(task, rest + waiting + own, f"{words}, {own:g} s of its own")
-        most = seconds[first.type] + sum(seconds[one.type] for one in tasks[: number + 1])
+        most = seconds[first.type] + waiting + own
         if task.estimate > most + _SLACK:
             raise NotMet(
-                f"an estimate of at most {most:g} s for task {task.id}: all tasks take no longer",
+                f"an estimate of at most {most:g} s for task {task.id} of priority"
+                f" {task.priority}: less important tasks come after it",
                 f"estimated_time={task.estimate:.1f}",
-                "which tasks have to be done before this one? See the comment at 6",
+                "which of the waiting tasks come before this one? See the comment at 6",
             )
 
 

@@ -8,6 +8,7 @@ import srvgen
 from taskrpc import Node
 from taskrpc.labs.checks.lab1 import LAB
 from taskrpc.labs.lab import NotMet
+from taskrpc.labs.variants import Variant
 from tests.labs.memory_trial import check_of, memory_trial
 
 AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
@@ -71,9 +72,21 @@ async def test_client_that_waits_for_its_server_passes(tmp_path):
     await run_check("the client waits for its server", tmp_path, client("{}"))
 
 
+async def test_the_call_may_be_in_a_module_beside_the_client(tmp_path):
+    (tmp_path / "client.py").write_text("import helper")
+    (tmp_path / "helper.py").write_text("client.wait_for_service()")
+    await run_check("the client waits for its server", tmp_path, client("{}"))
+
+
+def test_a_class_of_thirty_has_few_names_twice():
+    names = {LAB.values(Variant(f"student{number}"))["SERVICE"] for number in range(30)}
+    assert len(names) >= 28
+    assert LAB.values(Variant())["SERVICE"] == "add_two_ints"
+
+
 async def test_client_that_does_not_wait_is_explained(tmp_path):
     (tmp_path / "client.py").write_text("pass")
-    with pytest.raises(NotMet, match=r"client\.py has no call of wait_for_service"):
+    with pytest.raises(NotMet, match=r"no file of the folder has a call of wait_for_service"):
         await run_check("the client waits for its server", tmp_path, client("{}"))
 
 

@@ -54,13 +54,19 @@ def test_an_estimate_may_count_the_running_task_in_full_or_its_rest(estimates):
     ("estimates", "message"),
     [
         ((3.0, 1.0), r"at least 6\.0 s for task 2: 3\.0 s of the running task, 0 s of waiting"),
-        ((8.0, 99.0), r"at most 9 s for task 3: all tasks take no longer; estimated_time=99"),
+        ((8.0, 99.0), r"at most 9 s for task 3 of priority 5: .*; estimated_time=99"),
         ((8.0, 6.0), r"at least 7\.0 s for task 3: .*3 s of waiting ones ahead of it, 1 s of its"),
     ],
 )
 def test_an_estimate_without_the_work_ahead_is_explained(estimates, message):
     with pytest.raises(NotMet, match=message):
         expect_estimates(SECONDS, 10.0, FIRST, waiting(*estimates))
+
+
+def test_an_estimate_that_ignores_the_priority_is_explained():
+    tasks = [accepted(2, 5, "scan", 6.0, 12.0), accepted(3, 9, "report", 7.0, 12.0)]
+    with pytest.raises(NotMet, match=r"at most 6 s for task 3 of priority 9: less important"):
+        expect_estimates(SECONDS, 10.0, FIRST, tasks)
 
 
 def test_a_less_important_task_is_not_ahead():
