@@ -29,10 +29,20 @@ _POLLS_PER_LINE = 10
 
 def run(options: argparse.Namespace) -> int:
     """Publish the messages that the options describe."""
+    waits = options.wait_matching_subscriptions is not None or options.once or options.times
+    if options.max_wait_time_secs is not None and not waits:
+        problem = "expected -w, --once or --times beside --max-wait-time-secs, got none of them"
+        raise UsageError(problem)
     cls = message_class(options.message_type)
     templates = [Template(cls, values) for values in _given(options)]
     asyncio.run(_publish(options, templates))
     return Exit.DONE
+
+
+def _subscriptions_awaited(options: argparse.Namespace) -> int:
+    if options.wait_matching_subscriptions is not None:
+        return int(options.wait_matching_subscriptions)
+    return 1 if options.once or options.times else 0
 
 
 def _given(options: argparse.Namespace) -> list[list[str]]:
@@ -68,18 +78,15 @@ async def _publish(options: argparse.Namespace, templates: Sequence[Template]) -
     async with remote.node(name=options.node_name or "") as node:
         publisher = node.create_publisher(templates[0].cls, topic, qos_to_publish(options))
         times = 1 if options.once else options.times
-        await _wait_for_subscriptions(options, publisher, 1 if times else 0)
+        await _wait_for_subscriptions(options, publisher)
         print("publisher: beginning loop", flush=True)
         tune_for_long_run()
         await _loop(options, publisher, templates, times)
         await asyncio.sleep(options.keep_alive)
 
 
-async def _wait_for_subscriptions(
-    options: argparse.Namespace, publisher: Publisher[Any], least: int
-) -> None:
-    if options.wait_matching_subscriptions is not None:
-        least = options.wait_matching_subscriptions
+async def _wait_for_subscriptions(options: argparse.Namespace, publisher: Publisher[Any]) -> None:
+    least = _subscriptions_awaited(options)
     loop = asyncio.get_running_loop()
     timeout = options.max_wait_time_secs
     deadline = None if timeout is None else loop.time() + timeout

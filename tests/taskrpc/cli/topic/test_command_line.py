@@ -75,6 +75,11 @@ def test_pub_prints_each_message_and_reaches_subscribers(talker, run):
         (("/a b", "std_msgs/msg/String"), 1, "Invalid topic name: "),
         (("/t", "std_msgs/msg/String", "-1", "-t", "2"), 2, "usage: "),
         (
+            ("/t", "std_msgs/msg/String", "--max-wait-time-secs", "1"),
+            2,
+            "expected -w, --once or --times beside --max-wait-time-secs",
+        ),
+        (
             ("/t", "std_msgs/msg/String", "-1", "--max-wait-time-secs", "0.01"),
             1,
             "Timed out waiting for subscribers: Expected 1 subscribers but only got 0 subscribers",
