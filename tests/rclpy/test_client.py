@@ -93,7 +93,8 @@ def test_waiting_ends_at_the_timeout_and_at_the_shutdown(world):
     assert client.wait_for_service(timeout_sec=0) is False
     assert client.wait_for_service(0.05) is False
     threading.Timer(0.1, world.context.shutdown).start()
-    assert client.wait_for_service() is False
+    with pytest.raises(InvalidHandle):  # as in ROS: a loop around it ends
+        client.wait_for_service()
 
 
 def test_a_removed_request_stays_as_it_is(world, client):

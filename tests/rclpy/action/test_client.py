@@ -182,7 +182,7 @@ def test_the_end_of_the_server_ends_the_wait_for_a_result(capsys):
     with action(handle_accepted_callback=lambda _: None) as pair:
         handle = pair.send(order(1))
         future = handle.get_result_async()
-        pair.world.executor.spin_once(0.1)
+        pair.world.spin_until(lambda: pair.server._results._waiting)
         pair.server.destroy()
         pair.world.spin_until(future.done)
         assert "the server of /fibonacci was destroyed" in str(future.exception())
