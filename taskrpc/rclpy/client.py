@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 SrvRequestT = TypeVar("SrvRequestT")
 SrvResponseT = TypeVar("SrvResponseT")
 
+_UNCHECKED = "failed to check service availability"
 _SLICE = 0.1
 """Seconds of one wait: on Windows, Ctrl-C cannot interrupt a wait."""
 
@@ -242,12 +243,14 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             if self._native.wait(left):
                 return True
         self._check()
+        if not self.context.ok():  # another thread is shutting it down
+            self.context.refuse(_UNCHECKED)
         return self._native.connected or self._native.is_known()
 
     def _check(self) -> None:
         """Raise InvalidHandle after `destroy`, RCLError after the shutdown."""
         self.handle.check()
-        self.context.check("failed to check service availability")
+        self.context.check(_UNCHECKED)
 
     def configure_introspection(
         self,

@@ -8,7 +8,7 @@ import sys
 import threading
 import weakref
 from collections.abc import Callable, Sequence
-from typing import Any, Protocol, Self, TypeVar
+from typing import Any, NoReturn, Protocol, Self, TypeVar
 
 from taskrpc import errors
 
@@ -122,7 +122,11 @@ class Context:
     def check(self, failed: str, kind: str = "rcl node") -> None:
         """Raise RCLError after the shutdown; `failed` is what cannot be done, in ROS's words."""
         if self.is_over:
-            raise RCLError(f"{failed}: {kind}'s context is invalid")
+            self.refuse(failed, kind)
+
+    def refuse(self, failed: str, kind: str = "rcl node") -> NoReturn:
+        """Raise the error of `check`, also while the shutdown is only beginning."""
+        raise RCLError(f"{failed}: {kind}'s context is invalid")
 
     def check_valid(self, failed: str) -> None:
         """Raise RCLError before `init` and after the shutdown; `failed` is what cannot be done."""

@@ -42,6 +42,7 @@ GoalT = TypeVar("GoalT")
 ResultT = TypeVar("ResultT")
 FeedbackT = TypeVar("FeedbackT")
 
+_UNCHECKED = "Failed to check if action server is available"
 _POLL_INTERVAL = 0.01
 """Seconds between two checks while a program waits for a server."""
 
@@ -341,7 +342,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         """Whether a server of the action is known; raises RCLError after the shutdown."""
         self._node.handle.check()
         self._handle.check()
-        self._node.context.check("Failed to check if action server is available")
+        self._node.context.check(_UNCHECKED)
         topics = self._feedback, self._status
         return all(client.service_is_ready() for client in self.clients) and all(
             topic.get_publisher_count() for topic in topics
@@ -358,7 +359,10 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             if left <= 0:
                 return False
             time.sleep(min(left, _POLL_INTERVAL))
-        return self.server_is_ready()
+        is_ready = self.server_is_ready()
+        if not self._node.context.ok():  # another thread is shutting it down
+            self._node.context.refuse(_UNCHECKED)
+        return is_ready
 
     def configure_introspection(
         self,
