@@ -121,7 +121,14 @@ def forget_that_it_may_have_run(patch):
 
 
 def repeat_plain_calls_too(patch):
+    end = Attempts._end_in_doubt
+
+    def end_only_exactly_once(self, problem):
+        if self._store_id:
+            end(self, problem)
+
     patch(Attempts, "_may_repeat", lambda self, error: not self._has_ended)
+    patch(Attempts, "_end_in_doubt", end_only_exactly_once)
 
 
 def call_a_missed_deadline_not_executed(patch):

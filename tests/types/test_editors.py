@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import jedi
 import pytest
 
 from srvgen.classes.stubs import packages_with_dependencies, stubs
@@ -38,7 +37,9 @@ COMPLETED = {
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory) -> jedi.Project:
+def project(tmp_path_factory):
+    import jedi  # of the extra `dev`; the other suites collect this file too
+
     folder = tmp_path_factory.mktemp("project")
     put_all({"my_msgs/srv/Plan.srv": SERVICE, "my_msgs/msg/Route.msg": ROUTE}, folder)
     search = Search([folder, BUNDLED])
@@ -50,6 +51,8 @@ def project(tmp_path_factory) -> jedi.Project:
 
 @pytest.mark.parametrize("text", COMPLETED)
 def test_an_editor_completes_the_fields(project, text):
+    import jedi
+
     program = (
         "from example_interfaces.action import Fibonacci\nfrom my_msgs.srv import Plan\n" + text
     )
