@@ -63,16 +63,24 @@ def explain(error: BaseException | None) -> bool:
 
 def _failed_import(error: AttributeError | ImportError) -> str:
     """Explain why a module of Python, or rclpy, was not found; "" for other modules."""
-    text, folders = str(error), (sys.path[0], os.getcwd())
-    for name, module in list(sys.modules.items()):
-        is_named = f"'{name}'" in text or f"'{name}." in text
-        if is_named and name in sys.stdlib_module_names:
-            file = getattr(module, "__file__", None) or ""
-            if file and os.path.dirname(file) in folders:
-                return f"the file {file} hides Python's own module {name}; rename the file"
+    text, folder = str(error), sys.path[0] if sys.path else ""
+    # What the program itself looks up in its own module is not there for another reason.
+    is_of_library = os.path.dirname(_raising_file(error.__traceback__)) != folder
+    for name in sys.stdlib_module_names & sys.modules.keys() if is_of_library else ():
+        file = getattr(sys.modules[name], "__file__", None) or ""
+        is_named = any(f"{word} '{name}" in text for word in ("from", "module", "named"))
+        if is_named and file and os.path.dirname(file) == folder:
+            return f"the file {file} hides Python's own module {name}; rename the file"
     if isinstance(error, ImportError) and error.name == "rclpy":
         return f"{text}; start the program with: taskrpc run {os.path.basename(sys.argv[0])}"
     return ""
+
+
+def _raising_file(traceback: TracebackType | None) -> str:
+    """The file in which an error was raised."""
+    while traceback is not None and traceback.tb_next is not None:
+        traceback = traceback.tb_next
+    return "" if traceback is None else traceback.tb_frame.f_code.co_filename
 
 
 class _OneMessageHook:
@@ -161,4 +169,8 @@ def program_line(traceback: TracebackType | None) -> tuple[str, int] | None:
 
 def _location(file: str, line: int) -> str:
     """The beginning of a message: `file.py:12: `."""
-    return f"{file.removeprefix(os.path.join(os.getcwd(), ''))}:{line}: "
+    try:
+        folder = os.path.join(os.getcwd(), "")
+    except OSError:  # it was removed
+        folder = ""
+    return f"{file.removeprefix(folder)}:{line}: "

@@ -21,7 +21,9 @@ from .convert import unknown_field
 _POSITIONAL = "Extra positional arguments provided"
 _FIELD = re.compile(r"Unexpected keyword argument '(\w+)'")
 _ATTRIBUTE = re.compile(r"'(\w+)' object has no attribute '(\w+)'")
-_ARGUMENT = re.compile(r"(?:.*\.)?\w+\(\) got an unexpected keyword argument '(\w+)'")
+_ARGUMENT = re.compile(
+    r"(?:.*\.)?\w+\(\) got an unexpected keyword argument '(\w+)'(\. Did you mean .*)?"
+)
 _AWAIT = re.compile(r"(object \w+|'[\w.]+' object) can't be (used in 'await' expression|awaited)")
 
 _OURS = ("srvgen", "taskrpc")
@@ -61,16 +63,14 @@ def _by_name(error: TypeError) -> str:
     cls = _called(error)
     _, expression = _failed(error.__traceback__)
     if not _has_fields(cls) or not isinstance(expression, ast.Call):
-        return "a message takes its fields by name: write Request(a=1, b=2), not Request(1, 2)"
+        return ""
     fields = ", ".join(f"{name}=..." for name, _ in cls._FIELDS)
     written = ast.unparse(expression.func)
     return f"{cls.__name__} takes its fields by name: write {written}({fields})"
 
 
 def _of_field(cls: Any, name: str) -> str:
-    if not _has_fields(cls):
-        return f"unknown field {name!r}"
-    return unknown_field(cls, name)
+    return unknown_field(cls, name) if _has_fields(cls) else ""
 
 
 def _of_attribute(error: AttributeError, name: str) -> str:

@@ -19,14 +19,18 @@ def write_sums(folder: Path) -> None:
 
 
 def check_sums(folder: Path) -> None:
-    """Raise TaskRpcError for a wheel that differs from its checksum, is missing or was added."""
+    """Raise TaskRpcError for a wheel that differs from its checksum, is missing or was added.
+
+    Other files are refused too: pip would run the code of a source archive.
+    """
     path = folder / SUMS
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError):
         raise TaskRpcError(f"{path} cannot be read; make the bundle again") from None
-    wanted = {name: value for value, _, name in (line.partition("  ") for line in lines)}
-    found = {wheel.name: wheel for wheel in sorted(folder.glob("*.whl"))}
+    wanted = {name: value for value, _, name in (line.partition("  ") for line in lines if line)}
+    files = sorted(file for file in folder.iterdir() if not file.name.startswith("."))
+    found = {file.name: file for file in files if file.name != SUMS}
     problems = [f"{name} is missing" for name in wanted if name not in found]
     problems += [f"{name} was added" for name in found if name not in wanted]
     problems += [

@@ -155,6 +155,8 @@ def problem_of_callback(callback: Any, description: str, parameters: tuple[str, 
     expected = f"{description}: expected a function that takes {taken}, got"
     if not callable(callback):
         return f"{expected} {callback!r}"
+    if hasattr(callback, "__signature__"):  # what a decorator publishes, not what it takes
+        return ""
     try:
         # A decorator may add arguments, so that the decorated function takes others.
         signature = inspect.signature(callback, follow_wrapped=False)

@@ -50,3 +50,27 @@ def test_a_file_of_the_program_that_hides_a_module_of_python_is_named(monkeypatc
 def test_other_errors_stay_as_they_are(error):
     text = str(error)
     assert explained(error) == (False, text)
+
+
+def test_what_the_program_itself_misspells_in_its_module_is_no_hidden_module(monkeypatch, tmp_path):
+    file = tmp_path / "code.py"
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    monkeypatch.setitem(sys.modules, "code", types.SimpleNamespace(__file__=str(file)))
+    text = "module 'code' has no attribute 'helpr'"
+    program = compile(f"raise AttributeError({text!r})", str(tmp_path / "main.py"), "exec")
+    with pytest.raises(AttributeError) as caught:
+        exec(program)
+    assert explained(caught.value) == (False, text)
+
+
+def test_a_removed_working_folder_does_not_stop_the_message(monkeypatch, tmp_path, capsys):
+    folder = tmp_path / "gone"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    folder.rmdir()
+    error = ModuleNotFoundError("No module named 'rclpy'", name="rclpy")
+    monkeypatch.setattr(sys, "excepthook", sys.__excepthook__)
+    excepthook.show_in_one_message()
+    with pytest.raises(SystemExit):
+        sys.excepthook(type(error), error, None)
+    assert "taskrpc run" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 import asyncio
 import types
 
+import msgspec
 import pytest
 
 import srvgen
@@ -90,12 +91,21 @@ def test_the_class_is_found_behind_letters_of_several_bytes():
 def test_the_class_is_found_through_attributes():
     holder = types.SimpleNamespace(types=[AddTwoInts], add=AddTwoInts)
     assert "AddTwoInts_Request has" in explained(lambda: holder.add.Request(c=1))
-    assert explained(lambda: holder.types[0].Request(c=1)) == "unknown field 'c'"
+    assert "'c'" in explained(lambda: holder.types[0].Request(c=1))  # msgspec's own words
 
 
-def test_without_the_source_the_field_is_still_named():
+def test_without_the_source_the_error_stays():
     program = compile("AddTwoInts.Request(c=1)", "<nowhere>", "exec")
-    assert explained(lambda: exec(program, dict(globals()))) == "unknown field 'c'"
+    text = explained(lambda: exec(program, dict(globals())))
+    assert text == "Unexpected keyword argument 'c'"
+
+
+def test_another_struct_of_the_program_keeps_its_errors():
+    class Own(msgspec.Struct):
+        a: int = 0
+
+    assert explained(lambda: Own(b=1)) == "Unexpected keyword argument 'b'"
+    assert explained(lambda: Own(1, 2)) == "Extra positional arguments provided"
 
 
 async def an_argument_of_rclpy():
@@ -178,7 +188,7 @@ def test_other_errors_keep_their_text():
 
 
 def test_an_error_without_a_traceback_is_not_explained():
-    assert misuse.explanation(TypeError("Unexpected keyword argument 'x'")) == "unknown field 'x'"
+    assert misuse.explanation(TypeError("Unexpected keyword argument 'x'")) == ""
     assert misuse.explanation(AttributeError("'X' object has no attribute 'y'")) == ""
 
 

@@ -34,6 +34,14 @@ def test_changed_missing_and_added_wheels_are_named(wheels):
     )
 
 
+def test_a_source_archive_is_refused_because_pip_would_run_its_code(wheels):
+    (wheels / ".DS_Store").touch()  # pip ignores it
+    check_sums(wheels)
+    (wheels / "a-9.tar.gz").touch()
+    with pytest.raises(TaskRpcError, match=r"a-9\.tar\.gz was added"):
+        check_sums(wheels)
+
+
 def test_missing_sums_are_one_line(wheels):
     (wheels / SUMS).unlink()
     with pytest.raises(TaskRpcError, match="SHA256SUMS cannot be read; make the bundle again"):

@@ -1,6 +1,7 @@
 """Threads for callbacks run as many jobs at a time as allowed, and hold up no program's end."""
 
 import gc
+import inspect
 import subprocess
 import sys
 import threading
@@ -185,3 +186,18 @@ def test_callback_with_other_parameters_is_named_with_its_place(callback, shown)
     # A class without `__init__` has no place.
     assert (f" at {__file__}:" in problem) is (callback is not Greeter)
     assert "\n" not in problem
+
+
+def test_a_callback_with_a_signature_that_a_decorator_publishes_is_accepted():
+    def inject(function):
+        def with_database(*arguments):
+            return function("database", *arguments)
+
+        with_database.__signature__ = inspect.signature(function)
+        return with_database
+
+    @inject
+    def handler(database, request, response):
+        return response
+
+    assert problem_of_callback(handler, "the callback of /s", ("a request", "a response")) == ""
