@@ -68,7 +68,7 @@ CURES = {
         "call 2: the stored response is sent",
         "I wanted one task, and this is number 1",
     ],
-    "timeout-too-short": ["attempt 1 succeeded", "executes task 1"],
+    "timeout-too-short": ["attempt 1 worked", "executes task 1"],
     "deadlock": ["21 doubled is 42"],
     "nobody-spins": ["the robot accepted task 1"],
     "forgot-return": ["the caller has a response: True"],

@@ -10,4 +10,4 @@ request = RobotTask.Request(task_type="report", target="central", priority=5)
 
 future = client.call_async(request)
 rclpy.spin_until_future_complete(node, future, timeout_sec=3.0)
-print("attempt 1", "succeeded" if future.done() else "timed out")
+print("attempt 1", "worked" if future.done() else "timed out")

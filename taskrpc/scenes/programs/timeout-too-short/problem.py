@@ -11,5 +11,5 @@ request = RobotTask.Request(task_type="report", target="central", priority=5)
 for attempt in (1, 2):
     future = client.call_async(request)
     rclpy.spin_until_future_complete(node, future, timeout_sec=0.4)
-    print("attempt", attempt, "succeeded" if future.done() else "timed out")
+    print("attempt", attempt, "worked" if future.done() else "timed out")
 rclpy.spin_until_future_complete(node, future, timeout_sec=3.0)
