@@ -548,7 +548,7 @@ def has_open(pid: int, file: os.stat_result) -> bool:
 
     Linux tells it for this user's processes. Ids below 1 mean groups of processes: always False.
     """
-    if pid < 1 or sys.platform != "linux":
+    if pid < 1 or not os.path.isdir("/proc/self/fd"):
         return pid > 0
     folder = f"/proc/{pid}/fd"
     with contextlib.suppress(OSError):  # it has ended, or belongs to another user

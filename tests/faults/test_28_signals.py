@@ -1,0 +1,198 @@
+"""Promise 28: Ctrl-C, SIGTERM and `taskrpc stop` end a program in any waiting call.
+
+Each program waits in one call, alone or in a loop, as a process of its own. A thread of it tells
+when the main thread waits: when it has been outside of the program's own file for a while.
+"""
+
+import asyncio
+import importlib.util
+import os
+import random
+import signal
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.faults.harness import Bug
+
+pytestmark = [
+    pytest.mark.faults,
+    pytest.mark.real_time,
+    pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no such signal"),
+]
+BROKEN = ("did not end", "wrong status", "too many lines", "tracebacks")
+BOUND, AT_A_TIME = 10.0, 3
+HEAD = """
+import sys, threading, time
+import srvgen
+
+def tell(main=threading.main_thread().ident):
+    seen = 0
+    while seen < 5:
+        time.sleep(0.02)
+        seen = seen + 1 if sys._current_frames()[main].f_code.co_filename != __file__ else 0
+    print("waiting", flush=True)
+
+Trigger = srvgen.load("std_srvs/srv/Trigger")
+Fibonacci = srvgen.load("example_interfaces/action/Fibonacci")
+"""
+NATIVE = """
+import taskrpc
+async def main():
+    async with taskrpc.Node("waiter") as node:
+        client = node.create_client(Trigger, "absent")
+        actions = node.create_action_client(Fibonacci, "missing")
+        threading.Thread(target=tell, daemon=True).start()
+        {line}
+taskrpc.run(main())
+"""
+BLOCKING = """
+import taskrpc.sync
+with taskrpc.sync.Node("waiter") as node:
+    client = node.create_client(Trigger, "absent")
+    actions = node.create_action_client(Fibonacci, "missing")
+    threading.Thread(target=tell, daemon=True).start()
+    {line}
+"""
+RCLPY = """
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.duration import Duration
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.task import Future
+rclpy.init()
+node = rclpy.create_node("waiter")
+client = node.create_client(Trigger, "absent")
+actions = ActionClient(node, Fibonacci, "missing")
+pool = MultiThreadedExecutor(2)
+pool.add_node(node)
+threading.Thread(target=tell, daemon=True).start()
+{line}
+"""
+CALLS = {
+    "native": (
+        NATIVE,
+        "await client.wait_for_service()",
+        "while not await client.wait_for_service(timeout=0.05): print('no')",
+        "await actions.wait_for_server()",
+        "while not await actions.wait_for_server(timeout=0.05): print('no')",
+        "await node.spin()",
+    ),
+    "blocking": (
+        BLOCKING,
+        "client.wait_for_service()",
+        "while not client.wait_for_service(timeout=0.05): print('no')",
+        "actions.wait_for_server()",
+        "while not actions.wait_for_server(timeout=0.05): print('no')",
+        "node.spin()",
+    ),
+    "rclpy": (
+        RCLPY,
+        "client.wait_for_service()",
+        "while not client.wait_for_service(timeout_sec=0.05): print('no')",
+        "actions.wait_for_server()",
+        "while not actions.wait_for_server(timeout_sec=0.05): print('no')",
+        "client.call(Trigger.Request())",
+        "client.call(Trigger.Request(), timeout_sec=60.0)",
+        "rclpy.spin(node)",
+        "while True: rclpy.spin_once(node, timeout_sec=0.05)",
+        "rclpy.spin_until_future_complete(node, Future())",
+        "pool.spin()",
+        "while True: pool.spin_once(timeout_sec=0.05)",
+        "node.get_clock().sleep_for(Duration(seconds=60))",
+    ),
+}
+RETURNS = {"await node.spin()", "node.spin()"}
+"""Calls that return at each signal, so that the program ends with 0."""
+RETURNS_AT_SIGTERM = {"pool.spin()", CALLS["rclpy"][-1]}
+"""Calls that return when a signal has shut the context down, as in ROS."""
+ROWS = [(api, call) for api, (_, *calls) in CALLS.items() for call in calls]
+
+
+def waits_again_after_the_shutdown(patch):
+    # In a program that `taskrpc run` runs, the module has ROS's name.
+    name = "rclpy" if importlib.util.find_spec("rclpy") else "taskrpc.rclpy"
+    Client = importlib.import_module(f"{name}.client").Client
+    wait = Client.wait_for_service
+
+    def absent(client, timeout_sec=None):
+        try:
+            return wait(client, timeout_sec)
+        except Exception:
+            return False
+
+    patch(Client, "wait_for_service", absent)
+
+
+class Table:
+    def __init__(self, folder, counts, bug):
+        self.folder, self.counts, self.bug = folder, counts, bug
+        self.slots = asyncio.Semaphore(AT_A_TIME)
+        root = str(Path(__file__).parents[2])
+        self.env = os.environ | {"PYTHONPATH": root, "XDG_RUNTIME_DIR": str(folder)}
+
+    async def check(self, number, api, call, how):
+        async with self.slots:
+            file = self.folder / f"waiter_{number}_{how}.py"
+            plant = f"plant_from({self.bug.place!r})" if self.bug else ""
+            planted = f"from tests.faults.harness import plant_from\n{plant}\n" if plant else ""
+            file.write_text(planted + HEAD + CALLS[api][0].format(line=call))
+            command = ["-m", "taskrpc", "run"] if api == "rclpy" else []
+            process = await self.start(*command, str(file))
+            try:
+                await self.end(process, api, call, how)
+            finally:
+                if process.returncode is None:
+                    process.kill()
+                await process.communicate()
+
+    async def start(self, *arguments):
+        pipe = asyncio.subprocess.PIPE
+        return await asyncio.create_subprocess_exec(
+            sys.executable, *arguments, stdout=pipe, stderr=pipe, env=self.env
+        )
+
+    async def end(self, process, api, call, how):
+        while (line := await asyncio.wait_for(process.stdout.readline(), 60)) == b"no\n":
+            pass
+        assert line == b"waiting\n", (await process.stderr.read()).decode()
+        number = signal.SIGINT if how == "SIGINT" else signal.SIGTERM
+        if how == "stop":
+            stop = await self.start("-m", "taskrpc", "stop", str(process.pid))
+            await stop.communicate()
+        else:
+            process.send_signal(number)
+        try:
+            _, err = await asyncio.wait_for(process.communicate(), BOUND)
+        except TimeoutError:
+            print(f"{api}, {how}: {call}: did not end")
+            self.counts["did not end"] += 1
+            return
+        self.judge(process.returncode, err.decode(), number, api, call)
+
+    def judge(self, status, err, number, api, call):
+        expected, row = -number, f"{api}, signal {number}: {call}"
+        if call in RETURNS or (call in RETURNS_AT_SIGTERM and number == signal.SIGTERM):
+            expected = 0
+        elif api == "rclpy" and number == signal.SIGTERM:
+            expected = 1  # as with the real rclpy
+        self.counts["ended"] += 1
+        self.counts["wrong status"] += status != expected
+        self.counts["too many lines"] += len(err.splitlines()) > 3
+        self.counts["tracebacks"] += "Traceback" in err
+        if status != expected or len(err.splitlines()) > 3 or "Traceback" in err:
+            print(f"{row}: {status}, expected {expected}: {err[-600:]}")
+
+
+@pytest.mark.planted(Bug(waits_again_after_the_shutdown, "did not end"))
+async def test_every_waiting_call_ends(tmp_path, counts, seed, request):
+    bug = request.node.callspec.params.get("bug")
+    jobs = [(n, *row, how) for n, row in enumerate(ROWS) for how in ("SIGINT", "SIGTERM", "stop")]
+    if bug:  # only the rows that it concerns: each may take all of BOUND
+        jobs = [job for job in jobs if job[1] == "rclpy" and "client.wait_for" in job[2]]
+    random.Random(seed).shuffle(jobs)
+    table = Table(tmp_path, counts, bug)
+    await asyncio.gather(*(table.check(*job) for job in jobs))
+    counts.check(*BROKEN, happened=("ended",))
+    counts.require(ended=len(jobs))
