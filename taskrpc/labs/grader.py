@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import os
+import tempfile
 import time
 from collections.abc import AsyncIterator, Callable, Sequence
 from pathlib import Path
@@ -17,6 +19,7 @@ from taskrpc.labs.report import About, Graded, Line, Result, Stopped
 from taskrpc.labs.sandbox import boot
 from taskrpc.labs.sandbox.child import system_environment
 from taskrpc.labs.sandbox.worker import Request
+from taskrpc.labs.submission import remove
 from taskrpc.ros.process_tree import ProcessTree
 
 LIMIT = 90.0
@@ -54,8 +57,14 @@ async def grade(request: Request, student: str, on_result: OnResult = lambda _: 
                     failures.append(error)
                     tree.kill()
 
+    place = tempfile.mkdtemp(prefix="taskrpc-lab-")
+    request = msgspec.structs.replace(request, place=place)
     command = boot.command("worker", msgspec.json.encode(request).decode())
-    tree = await ProcessTree.start(command, written, env=system_environment())
+    try:
+        tree = await ProcessTree.start(command, written, env=system_environment())
+    except BaseException:
+        os.rmdir(place)
+        raise
     stopped = ""
     try:
         async with asyncio.timeout(LIMIT):
@@ -66,10 +75,12 @@ async def grade(request: Request, student: str, on_result: OnResult = lambda _: 
     except TimeoutError:
         stopped = f"the checks did not end within {LIMIT:g} s"
     finally:
-        # A cancelled command leaves nothing either: see `fork_server` for the programs.
+        # A cancelled command leaves nothing either: see `supervisor` for the programs.
         tree.kill()
         with contextlib.suppress(asyncio.CancelledError):
             await asyncio.shield(tree.wait())
+        with contextlib.suppress(OSError):  # without a sandbox, the supervisor removes it too
+            remove(Path(place))
     if failures:
         raise failures[0]
     stopped = next((each.reason for each in lines if isinstance(each, Stopped)), stopped)

@@ -6,8 +6,14 @@ many files, is refused.
 
 from __future__ import annotations
 
+import errno
+import itertools
 import os
+import secrets
+import shutil
 import stat
+import sys
+import time
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
@@ -25,6 +31,9 @@ _DEEPEST = 8
 _IGNORED = ("__pycache__", "__MACOSX", "node_modules")
 _CHUNK = 2**16
 _SHOWN = 60
+_ATTEMPTS = 20
+_PAUSE = 0.05
+"""Seconds between two attempts to remove a folder."""
 
 
 @dataclass
@@ -81,6 +90,10 @@ def take(source: Path, target: Path) -> list[str]:
             raise TaskRpcError(f"expected a folder or a .zip file with a submission, got {source}")
     except OSError as error:
         raise TaskRpcError(f"cannot read {error.filename or source}: {error.strerror}") from None
+    if sys.platform != "win32":
+        # Also readable by the user of a sandbox; the folder that contains `target` is private.
+        for path in (target, *target.rglob("*")):
+            path.chmod(0o755 if path.is_dir() else 0o644)
     return copy.left_out
 
 
@@ -122,61 +135,144 @@ def find_root(folder: Path, names: Iterable[str]) -> Path:
 
 
 def remove(folder: Path) -> None:
-    """Remove a folder that a program of a submission could write to, however deep it is."""
-    waiting = [folder]
-    number = 0
-    while waiting:
-        place = waiting[-1]
-        os.chmod(place, 0o700)
-        folders = []
-        with os.scandir(place) as entries:
-            for entry in entries:
-                if entry.is_dir(follow_symlinks=False):
-                    folders.append(entry.path)
-                else:
-                    os.unlink(entry.path)
-        if not folders:
-            os.rmdir(waiting.pop())
-        # Brought up, so that no path becomes too long for the system.
-        for each in folders:
-            number += 1
-            waiting.append(folder / f"{number} removed")
-            os.rename(each, waiting[-1])
+    """Remove a folder that a program of a submission could write to, however deep it is.
+
+    Another process may remove it, or write to it until its end, at the same time. Follows no link:
+    each step goes through the descriptor of a folder. Raises OSError.
+    """
+    for attempts_left in reversed(range(_ATTEMPTS)):
+        try:
+            _remove(folder)
+        except OSError:
+            if os.path.lexists(folder) and not attempts_left:
+                raise
+        if not os.path.lexists(folder):
+            break
+        time.sleep(_PAUSE)
+
+
+def _remove(folder: Path) -> None:
+    if os.scandir not in os.supports_fd:  # Windows
+        shutil.rmtree(folder)
+        return
+    top = _opened(str(folder), None)
+    try:
+        while folders := _emptied(top, top):
+            for name in folders:
+                _let_enter(name, top)
+                descriptor = _opened(name, top)
+                try:
+                    _emptied(descriptor, top)
+                finally:
+                    os.close(descriptor)
+                os.rmdir(name, dir_fd=top)
+    finally:
+        os.close(top)
+    os.rmdir(folder)
+
+
+def _emptied(folder: int, top: int) -> list[str]:
+    """Remove the files of a folder, and move its folders to `top`; returns the names of `top`'s.
+
+    Moved, so that nothing becomes too deep for the system.
+    """
+    os.chmod(folder, 0o700)
+    folders = []
+    with os.scandir(folder) as entries:
+        found = [(entry.name, entry.is_dir(follow_symlinks=False)) for entry in entries]
+    for name, is_folder in found:
+        if not is_folder:
+            os.unlink(name, dir_fd=folder)
+        elif folder == top:
+            folders.append(name)
+        else:
+            _let_enter(name, folder)
+            os.rename(name, f"{secrets.token_hex(8)} removed", src_dir_fd=folder, dst_dir_fd=top)
+    return folders
+
+
+def _let_enter(name: str, above: int) -> None:
+    """Give a folder the rights that its removal needs, unless it is a link now."""
+    if sys.platform == "linux":
+        descriptor = os.open(name, os.O_PATH | os.O_NOFOLLOW | os.O_DIRECTORY, dir_fd=above)
+        try:
+            os.chmod(f"/proc/self/fd/{descriptor}", 0o700)
+        finally:
+            os.close(descriptor)
+    else:
+        os.chmod(name, 0o700, dir_fd=above, follow_symlinks=False)
+
+
+def _opened(name: str, above: int | None) -> int:
+    """Open a folder that is no link. Raises OSError."""
+    flags = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_DIRECTORY", 0)
+    return os.open(name, os.O_RDONLY | flags, dir_fd=above)
 
 
 def _take_folder(source: Path, copy: _Copy) -> None:
-    for parts, entry in _walk(source, (), copy):
-        kind = entry.stat(follow_symlinks=False).st_mode
-        if not stat.S_ISREG(kind):
-            copy.leave_out(parts, "a link" if stat.S_ISLNK(kind) else "not a file")
-            continue
-        if entry.stat().st_size > LARGEST:
-            raise _too_large()
-        descriptor = os.open(entry.path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0))
-        with open(descriptor, "rb") as data:
-            copy.add(parts, data)
+    top: int | str = str(source)
+    if os.scandir in os.supports_fd:
+        top = _opened(str(source), None)
+    try:
+        for parts, entry, folder in _walk(top, (), copy):
+            kind = entry.stat(follow_symlinks=False).st_mode
+            if not stat.S_ISREG(kind):
+                copy.leave_out(parts, "a link" if stat.S_ISLNK(kind) else "not a file")
+                continue
+            if entry.stat(follow_symlinks=False).st_size > LARGEST:
+                raise _too_large()
+            with _opened_file(entry, folder) as data:
+                copy.add(parts, data)
+    finally:
+        if isinstance(top, int):
+            os.close(top)
 
 
 def _walk(
-    folder: Path, above: tuple[str, ...], copy: _Copy
-) -> Iterator[tuple[tuple[str, ...], os.DirEntry[str]]]:
-    """Yield the entries below a folder that are not folders, without what a lab never needs."""
-    with os.scandir(folder) as entries:
-        for number, entry in enumerate(entries):
-            parts = (*above, entry.name)
-            if number > MOST_FILES:
-                raise TaskRpcError(
-                    f"expected a submission of at most {MOST_FILES} files, got more:"
-                    " keep the files of the lab in a folder of their own"
-                )
-            if entry.name.startswith(".") or entry.name in _IGNORED:
-                continue
-            if not entry.is_dir(follow_symlinks=False):
-                yield parts, entry
-            elif len(parts) > _DEEPEST:
-                copy.leave_out(parts, "too deep")
-            elif not os.path.exists(os.path.join(entry.path, "pyvenv.cfg")):
-                yield from _walk(Path(entry.path), parts, copy)
+    folder: int | str, above: tuple[str, ...], copy: _Copy
+) -> Iterator[tuple[tuple[str, ...], os.DirEntry[str], int | str]]:
+    """Yield the entries below a folder that are not folders, without what a lab never needs.
+
+    Each comes with its folder: a descriptor, so that no link is followed; a path on Windows.
+    """
+    with os.scandir(folder) as found:
+        entries = list(itertools.islice(found, MOST_FILES + 2))
+    if above and any(entry.name == "pyvenv.cfg" for entry in entries):
+        return
+    for number, entry in enumerate(entries):
+        parts = (*above, entry.name)
+        if number > MOST_FILES:
+            raise TaskRpcError(
+                f"expected a submission of at most {MOST_FILES} files, got more:"
+                " keep the files of the lab in a folder of their own"
+            )
+        if entry.name.startswith(".") or entry.name in _IGNORED:
+            continue
+        if not entry.is_dir(follow_symlinks=False):
+            yield parts, entry, folder
+        elif len(parts) > _DEEPEST:
+            copy.leave_out(parts, "too deep")
+        elif isinstance(folder, str):
+            yield from _walk(entry.path, parts, copy)
+        else:
+            below = _opened(entry.name, folder)
+            try:
+                yield from _walk(below, parts, copy)
+            finally:
+                os.close(below)
+
+
+def _opened_file(entry: os.DirEntry[str], folder: int | str) -> BinaryIO:
+    """Open a file of a folder. Raises OSError if it has become a link, or no file, meanwhile."""
+    if isinstance(folder, str):
+        return open(entry.path, "rb")
+    # Without waiting: a pipe would keep the grader waiting for a writer.
+    flags = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    descriptor = os.open(entry.name, os.O_RDONLY | flags, dir_fd=folder)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EINVAL, "it is not a file any more", entry.name)
+    return open(descriptor, "rb")
 
 
 def _take_zip(source: Path, copy: _Copy) -> None:

@@ -8,6 +8,7 @@ from taskrpc.labs.catalogue import LABS
 from taskrpc.labs.grader import grade
 from taskrpc.labs.sandbox.worker import Request
 from taskrpc.labs.variants import Variant
+from tests.labs.confined import CONFINED
 from tests.labs.submissions import LECTURERS, solution_of, submission
 
 pytestmark = [pytest.mark.labs, pytest.mark.real_time]
@@ -18,7 +19,9 @@ _MESSAGE = re.compile(r"# The check says: (.*)")
 
 async def problems(number, folder, variant, *, hidden=False):
     """Return the titles of the checks that failed, as `taskrpc lab check` runs them, and why."""
-    request = Request(str(folder), number, variant.id, str(LECTURERS) if hidden else None)
+    request = Request(
+        str(folder), number, variant.id, str(LECTURERS) if hidden else None, confined=CONFINED
+    )
     graded = await grade(request, "ada")
     assert graded.stopped == ""
     failed = [each for each in graded.results if not each.passed]

@@ -48,6 +48,8 @@ def configure(parser: ArgumentParser) -> None:
     parser.add_argument("--csv", metavar="FILE", nargs="?", const="-", help=what)
     what = "with --all: how many to check at the same time (default: two for each processor)"
     parser.add_argument("--jobs", type=int, metavar="N", help=what)
+    what = "with --all: check without a sandbox, with all rights of your account"
+    parser.add_argument("--trusted", action="store_true", help=what)
     what = "print the results.json of Gradescope"
     parser.add_argument("--json", action="store_true", help=what)
     parser.set_defaults(run=run)
@@ -73,6 +75,8 @@ def _check_options(options: Namespace) -> None:
     if options.all is None and (options.csv is not None or options.jobs is not None):
         option = "--csv" if options.csv is not None else "--jobs"
         raise UsageError(f"{option} needs --all FOLDER, the folder with all submissions")
+    if options.all is None and options.trusted:
+        raise UsageError("--trusted needs --all FOLDER: your own work needs no sandbox")
     if options.all is not None and options.json:
         raise UsageError("--json is for one submission; use --csv with --all")
     if options.all is not None and options.variant is not None:
@@ -87,11 +91,32 @@ def _check_options(options: Namespace) -> None:
             raise UsageError(f"--hidden: expected a folder with lab1/hidden.py, got {folder}")
 
 
-def _request(options: Namespace, source: Path) -> Request:
+def _has_sandbox(options: Namespace) -> bool:
+    """Return whether programs run in a sandbox.
+
+    Raises TaskRpcError if those of other people would run without.
+    """
+    from taskrpc.errors import TaskRpcError
+    from taskrpc.labs.sandbox import bubblewrap
+
+    reason = bubblewrap.why_not()
+    if reason and options.all is not None and not options.trusted:
+        raise TaskRpcError(
+            "--all: expected a sandbox for the programs of other people, but"
+            f" {reason}. Install the Debian package bubblewrap, or grade in a container:"
+            " see docs/how-to/grade-labs.md. --trusted goes on without: then the programs can read"
+            " and change all that you can"
+        )
+    return reason == ""
+
+
+def _request(options: Namespace, source: Path, *, confined: bool) -> Request:
     from taskrpc.labs.sandbox.worker import Request
 
     hidden = None if options.hidden is None else str(Path(options.hidden).resolve())
-    return Request(str(source.resolve()), options.number, options.variant, hidden)
+    return Request(
+        str(source.resolve()), options.number, options.variant, hidden, confined=confined
+    )
 
 
 async def _check_one(options: Namespace) -> Exit:
@@ -105,7 +130,8 @@ async def _check_one(options: Namespace) -> Exit:
             print("\n".join(report.lines_of(result, colours=_has_colours())), flush=True)
 
     folder = here()
-    graded = await grader.grade(_request(options, folder), folder.name, show)
+    request = _request(options, folder, confined=_has_sandbox(options))
+    graded = await grader.grade(request, folder.name, show)
     if options.json:
         print(json.dumps(report.gradescope(graded), indent=2))
         return Exit.DONE  # Gradescope takes another exit code for a failure of the grader
@@ -121,14 +147,15 @@ def _check_all(options: Namespace) -> Exit:
     from taskrpc.labs.grader import submissions
 
     sources = submissions(Path(options.all))
+    confined = _has_sandbox(options)
     if options.csv in (None, "-"):
-        graded = asyncio.run(_graded(options, sources))
+        graded = asyncio.run(_graded(options, sources, confined=confined))
     else:
         # Opened first: a table that cannot be written is no news after minutes. Ctrl-C leaves the
         # former table as it was.
         table = Path(options.csv)
         with table.open("a"):
-            graded = asyncio.run(_graded(options, sources))
+            graded = asyncio.run(_graded(options, sources, confined=confined))
         # The mark at the begin tells spreadsheets that it is UTF-8.
         table.write_text(report.as_csv(graded), encoding="utf-8-sig", newline="")
     if options.csv == "-":
@@ -139,7 +166,7 @@ def _check_all(options: Namespace) -> Exit:
     return Exit.DONE
 
 
-async def _graded(options: Namespace, sources: list[Path]) -> list[Graded]:
+async def _graded(options: Namespace, sources: list[Path], *, confined: bool) -> list[Graded]:
     """Grade submissions, and print each result when it is there."""
     from taskrpc.labs import report
     from taskrpc.labs.grader import grade_all
@@ -148,7 +175,11 @@ async def _graded(options: Namespace, sources: list[Path]) -> list[Graded]:
     graded: list[Graded] = []
     # Progress is not part of a table on standard output.
     stream = sys.stdout if options.csv is None else sys.stderr
-    async for one in grade_all(sources, lambda source: _request(options, source), jobs):
+
+    def request(source: Path) -> Request:
+        return _request(options, source, confined=confined)
+
+    async for one in grade_all(sources, request, jobs):
         graded.append(one)
         points = f"{report.number(one.points)} of {report.number(one.most)}"
         stopped = f"  {report.plain(one.stopped)}" if one.stopped else ""

@@ -1,9 +1,14 @@
 """A submission in child processes, with limits.
 
-    the command ── worker: the checks ── fork_server ── child: a program of the submission
+    the command ── worker: the checks ── box ═ bubblewrap ═ supervisor ── child: a program
 
-`worker` grades one submission in a process of its own, over a `child_trial`. The programs start
-in `child`, which sets their limits: `limits`, `linux` and `guard`. `speed` is accelerated time in
-worker and programs. The checks run where a submission cannot reach except through its services and
-its output. So a submission can pass only by behaving as the checks expect.
+`worker` grades one submission in a process of its own, over a `child_trial`. `box` starts a sandbox
+with the command line of `bubblewrap`; in it, `supervisor` starts the programs by forking itself.
+Each program begins in `child`, which sets the `limits`. `speed` is accelerated time in worker and
+programs.
+
+The checks run outside, where a submission cannot reach them except through its services and its
+output. They open no file that a program can change: registry and sockets of the sandbox come
+through the supervisor, over a `network` of their own. So a submission can pass only by behaving as
+the checks expect. Without bubblewrap, the same processes run without a sandbox.
 """

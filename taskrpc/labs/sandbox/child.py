@@ -1,6 +1,6 @@
 """The start of each program under check: clock and limits first, then the student's file.
 
-On POSIX `fork_server` calls `run` in a process that has imported everything; on Windows
+On POSIX `supervisor` calls `run` in a process that has imported everything; on Windows
 `boot.command` starts this module.
 """
 
@@ -14,8 +14,8 @@ from pathlib import Path
 
 import msgspec
 
-from taskrpc.labs.sandbox import guard, linux, speed
-from taskrpc.labs.sandbox.limits import limit_this_process
+from taskrpc.labs.sandbox import speed
+from taskrpc.labs.sandbox.limits import CONFINED, LIMITS, limit_this_process
 
 
 class Start(msgspec.Struct, frozen=True):
@@ -24,7 +24,9 @@ class Start(msgspec.Struct, frozen=True):
     Attributes:
         file: its path in the folder of the submission.
         arguments: of its command line.
-        place: the folder of this check: the program may change the folders in it, nothing else.
+        place: the folder of this check, in which the program has its home and temporary folder.
+        folder: the folder in which it runs, with the files of the submission.
+        confined: whether it runs in a sandbox.
         speed: how much faster its time passes.
         wall: the wall clock of the process that checks: see `speed.set_speed`.
         ready: a file to make once everything is imported; "" for none.
@@ -32,7 +34,9 @@ class Start(msgspec.Struct, frozen=True):
 
     file: str
     arguments: tuple[str, ...]
-    place: str
+    place: str = ""
+    folder: str = ""
+    confined: bool = False
     speed: float = 1.0
     wall: tuple[int, int] | None = None
     ready: str = ""
@@ -63,15 +67,13 @@ def system_environment() -> dict[str, str]:
 
 
 def run(start: Start) -> int:
-    """Confine this process, and run the program in it; returns its exit code."""
+    """Limit this process, and run the program in it; returns its exit code."""
     from taskrpc.errors import TaskRpcError
     from taskrpc.ros import runner
-    from taskrpc.transport.tcp.tcp_network import TcpNetwork
 
-    place = Path(start.place)
     os.environ.clear()
-    os.environ.update(environment(place))
-    os.chdir(place / "submission")
+    os.environ.update(environment(Path(start.place)))
+    os.chdir(start.folder)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.dont_write_bytecode = True
     tempfile.tempdir = None  # found again, in the new environment
@@ -79,16 +81,7 @@ def run(start: Start) -> int:
     for stream in (sys.stdout, sys.stderr):
         # As on a terminal: the checks see each line when the program writes it.
         stream.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
-    linux.die_with_parent()
-    limit_this_process()
-    readable = guard.readable()
-    writable = [place / name for name in ("submission", "home", "tmp", "run")]
-    linux.limit_files(readable, [*writable, Path(os.devnull)])
-    if linux.forbid_system_calls():
-        TcpNetwork.default_place = "unix:"
-    for name in [each for each in sys.modules if each.partition(".")[0] in ("ctypes", "_ctypes")]:
-        del sys.modules[name]
-    guard.install(readable, writable)
+    limit_this_process(CONFINED if start.confined else LIMITS)
     try:
         return runner.run_script(Path(start.file), start.arguments)
     except TaskRpcError as error:

@@ -1,4 +1,4 @@
-"""A trial whose programs are child processes in a private discovery folder."""
+"""A trial whose programs are child processes: in a sandbox, or else beside the checks."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import contextlib
 import os
 import secrets
 import shutil
+import sys
 import tempfile
 import time
 import warnings
@@ -14,7 +15,7 @@ from collections.abc import AsyncIterator
 from pathlib import Path
 
 from taskrpc.labs.lab import NotMet
-from taskrpc.labs.sandbox import linux, speed
+from taskrpc.labs.sandbox import speed
 from taskrpc.labs.sandbox.child import Start, environment
 from taskrpc.labs.sandbox.program import ChildProgram, SpawnStarter, Starter
 from taskrpc.labs.submission import remove
@@ -25,13 +26,12 @@ _LONGEST_SOURCE = 2**20
 
 
 class ChildTrial:
-    """A trial in child processes; use `child_trial`."""
+    """A trial in child processes; use `sandboxed_trial` or `spawned_trial`."""
 
-    def __init__(self, variant: Variant, node: Node, place: Path, starter: Starter) -> None:
+    def __init__(self, variant: Variant, node: Node, folder: Path, starter: Starter) -> None:
         self._variant = variant
         self._node = node
-        self._place = place
-        self._folder = place / "submission"
+        self._folder = folder
         self._starter = starter
         self._programs: list[ChildProgram] = []
 
@@ -47,7 +47,7 @@ class ChildTrial:
 
     @property
     def folder(self) -> Path:
-        """The copy of the submission's folder in which its programs run."""
+        """The submission as it was handed in; its programs cannot change these files."""
         return self._folder
 
     async def start(self, file: str, *arguments: str) -> ChildProgram:
@@ -61,8 +61,8 @@ class ChildTrial:
                 "`taskrpc lab start` wrote it; save your program under this name",
             )
         _check_syntax(path, file)
-        program = ChildProgram(self._place)
-        start = Start(file, arguments, str(self._place), speed.speed(), speed.wall_clock())
+        program = ChildProgram()
+        start = Start(file, arguments, speed=speed.speed(), wall=speed.wall_clock())
         await program.run(self._starter, start)
         self._programs.append(program)
         return program
@@ -105,33 +105,51 @@ def _check_syntax(path: Path, name: str) -> None:
         ) from None
 
 
+if sys.platform != "win32":
+    from taskrpc.labs.sandbox.box import Sandbox
+    from taskrpc.labs.sandbox.network import TRANSPORT, network_of
+
+    @contextlib.asynccontextmanager
+    async def sandboxed_trial(
+        root: Path, variant: Variant, sandbox: Sandbox
+    ) -> AsyncIterator[ChildTrial]:
+        """Make a trial in a sandbox, with a node that sees only its programs.
+
+        Args:
+            root: the folder of the submission; `submission.take` has made it.
+            variant: of the lab, for this student.
+            sandbox: with or without bubblewrap.
+        """
+        async with sandbox.check() as check:
+            with network_of(check):
+                async with Node("check", transport=TRANSPORT) as node:
+                    trial = ChildTrial(variant, node, root, check)
+                    try:
+                        yield trial
+                    finally:
+                        await trial.close()
+
+
 @contextlib.asynccontextmanager
-async def child_trial(
-    root: Path, variant: Variant, base: Path | None = None, starter: Starter | None = None
-) -> AsyncIterator[ChildTrial]:
-    """Make a trial of a submission: a copy of its folder, and a node that sees only its programs.
+async def spawned_trial(root: Path, variant: Variant, base: Path) -> AsyncIterator[ChildTrial]:
+    """Make a trial where processes cannot be forked, in a private discovery folder.
 
     It changes the process's environment: a process runs one trial at a time.
 
     Args:
-        root: the folder of the submission; `submission.take` has made it.
+        root: the folder of the submission; its programs get a copy of it.
         variant: of the lab, for this student.
-        base: where the trial makes a folder of its own; None for the system's temporary folder.
-        starter: what starts the programs; None to start a Python for each.
+        base: where the trial makes a folder of its own.
     """
-    place = Path(tempfile.mkdtemp(prefix="taskrpc-lab-" if base is None else "t", dir=base))
+    place = Path(tempfile.mkdtemp(prefix="t", dir=base))
     try:
         shutil.copytree(root, place / "submission")
         os.environ.update(environment(place))
-        # A confined program has Unix sockets only.
-        async with Node("check", listen="unix:" if linux.can_confine() else None) as node:
-            trial = ChildTrial(variant, node, place, starter or SpawnStarter())
-            registry = [each for each in (place / "run").rglob("*") if each.is_dir()]
+        async with Node("check") as node:
+            trial = ChildTrial(variant, node, root, SpawnStarter(place))
             try:
                 yield trial
             finally:
                 await trial.close()
-                for each in registry:  # a program may have removed it; the node needs it to end
-                    each.mkdir(mode=0o700, parents=True, exist_ok=True)
     finally:
         remove(place)

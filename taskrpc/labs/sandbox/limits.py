@@ -18,8 +18,8 @@ class Limits:
         file: bytes of one file that it writes; not on Windows.
         open_files: files and sockets that are open at the same time; not on Windows.
         output: bytes that it may write to both standard streams.
-        folder: bytes of all files in its folders, the temporary one too.
-        files: number of files and folders there.
+        processes: processes and threads of all programs in a sandbox; None without a sandbox,
+            because the system would count all programs of the user.
     """
 
     cpu: int = 10
@@ -27,11 +27,18 @@ class Limits:
     file: int = 10 * MEGABYTE
     open_files: int = 256
     output: int = 1 * MEGABYTE
-    folder: int = 50 * MEGABYTE
-    files: int = 2000
+    processes: int | None = None
 
 
 LIMITS = Limits()
+CONFINED = Limits(processes=256)
+"""The limits of a program in a sandbox."""
+RESIDENT = 1024 * MEGABYTE
+"""Bytes of memory that all programs in a sandbox may hold together."""
+FOLDER = 50 * MEGABYTE
+"""Bytes of all files that the programs in a sandbox may make; the system refuses more."""
+FILES = 2000
+"""Number of files and folders that they may make."""
 
 
 def limit_this_process(limits: Limits = LIMITS) -> None:
@@ -48,6 +55,8 @@ def limit_this_process(limits: Limits = LIMITS) -> None:
             resource.RLIMIT_NOFILE: limits.open_files,
             resource.RLIMIT_CORE: 0,
         }
+        if limits.processes is not None:
+            values[resource.RLIMIT_NPROC] = limits.processes
         for limit, value in values.items():
             _, hard = resource.getrlimit(limit)
             most = value if hard == resource.RLIM_INFINITY else min(value, hard)

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import os
 import re
 import secrets
 import signal
-import socket
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Protocol
 
 import msgspec
 
-from taskrpc.labs.sandbox import boot, fork_server, speed
+from taskrpc.labs.sandbox import boot, speed
 from taskrpc.labs.sandbox.child import Start, environment
 from taskrpc.labs.sandbox.limits import LIMITS, MEGABYTE
 from taskrpc.ros.process_tree import ProcessTree
@@ -28,7 +25,7 @@ _START = 30.0
 """Real seconds that a new Python may need to import taskrpc."""
 _POLL = 0.01
 _LOOK = 1.0
-"""Seconds between two looks at the size of a program's folder."""
+"""Seconds between two looks at what the programs use."""
 _CPU_EXCEEDED = {-24, -9}  # SIGXCPU, SIGKILL
 
 Written = Callable[[int, bytes], None]
@@ -54,13 +51,14 @@ class Starter(Protocol):
     async def start(self, start: Start, on_output: Written) -> Process:
         """Start a program."""
 
+    def excess(self) -> str:
+        """Return which limit the programs of the trial exceed together, "" if none."""
+
 
 class ChildProgram:
     """A `trial.Program` in a process of its own."""
 
-    def __init__(self, folder: Path) -> None:
-        """`folder` contains all folders that the program may change."""
-        self._folder = folder
+    def __init__(self) -> None:
         self._lines: list[str] = []
         self._rest = {1: b"", 2: b""}
         self._bytes = 0
@@ -74,7 +72,7 @@ class ChildProgram:
         """Start the process."""
         self._process = await starter.start(start, self._written)
         self._end = asyncio.ensure_future(self._wait(self._process))
-        self._watching = asyncio.ensure_future(self._watch())
+        self._watching = asyncio.ensure_future(self._watch(starter))
 
     @property
     def output(self) -> Sequence[str]:
@@ -147,16 +145,12 @@ class ChildProgram:
             self._lines.append(text[:_LONGEST_LINE])
         self._news.set()
 
-    async def _watch(self) -> None:
-        """End the program if its folder becomes too large."""
+    async def _watch(self, starter: Starter) -> None:
+        """End the program if the programs of the trial use too much."""
         while True:
             await asyncio.sleep(_LOOK)
-            size, count = usage(self._folder, LIMITS.files)
-            if size > LIMITS.folder or count > LIMITS.files:
-                self._end_at_once(
-                    f"its folders have more than {LIMITS.folder // MEGABYTE} MB"
-                    f" or {LIMITS.files} files"
-                )
+            if reason := starter.excess():
+                self._end_at_once(reason)
                 return
 
     def _end_at_once(self, reason: str) -> None:
@@ -170,26 +164,19 @@ class ChildProgram:
         self._news.set()
 
 
-def usage(folder: Path, most: int) -> tuple[int, int]:
-    """Return the bytes and the number of the files below a folder; stops after `most` files."""
-    size = count = 0
-    waiting = [folder]
-    while waiting and count <= most:
-        with contextlib.suppress(OSError), os.scandir(waiting.pop()) as entries:
-            for entry in entries:
-                count += 1
-                if count > most:
-                    break
-                with contextlib.suppress(OSError):
-                    if entry.is_dir(follow_symlinks=False):
-                        waiting.append(Path(entry.path))
-                    else:
-                        size += entry.stat(follow_symlinks=False).st_size
-    return size, count
-
-
 class SpawnStarter:
-    """Starts each program as a new Python, where processes cannot be forked."""
+    """Starts each program as a new Python, where processes cannot be forked.
+
+    Args:
+        place: the folder of the trial, with the folder `submission`.
+    """
+
+    def __init__(self, place: Path) -> None:
+        self._place = place
+
+    def excess(self) -> str:
+        """Return "": nothing is limited together."""
+        return ""
 
     async def start(self, start: Start, on_output: Written) -> ProcessTree:
         """Start a program, and wait until Python has imported what most programs need.
@@ -197,118 +184,14 @@ class SpawnStarter:
         A start takes far longer than by forking. In accelerated time, it would take too long for
         the checks.
         """
-        place = Path(start.place)
-        ready = place / f"ready-{secrets.token_hex(4)}"
-        start = msgspec.structs.replace(start, ready=str(ready))
+        place = self._place
+        folder, ready = str(place / "submission"), place / f"ready-{secrets.token_hex(4)}"
+        start = msgspec.structs.replace(start, place=str(place), folder=folder, ready=str(ready))
         command = boot.command("child", msgspec.json.encode(start).decode())
-        tree = await ProcessTree.start(
-            command, on_output, cwd=str(place / "submission"), env=environment(place)
-        )
+        tree = await ProcessTree.start(command, on_output, cwd=folder, env=environment(place))
         last = speed.real_monotonic() + _START
         while tree.returncode is None and speed.real_monotonic() < last:
             if ready.exists():
                 break
             await asyncio.sleep(_POLL * speed.speed())
         return tree
-
-
-if sys.platform != "win32":
-
-    class ForkStarter:
-        """Starts programs through `fork_server`; create it in the event loop."""
-
-        def __init__(self, server: socket.socket) -> None:
-            self._server = server
-            self._received = b""
-            self._started: list[asyncio.Future[int]] = []
-            self._ends: dict[int, asyncio.Future[int]] = {}
-            asyncio.get_running_loop().add_reader(server, self._read)
-
-        async def start(self, start: Start, on_output: Written) -> ForkedProcess:
-            """Start a program."""
-            outer, inner = zip(*(os.pipe() for _ in range(2)), strict=True)
-            stdin, keep_open = os.pipe()  # standard input waits, as in ROS, and gets no end
-            started = asyncio.get_running_loop().create_future()
-            self._started.append(started)
-            request = msgspec.json.encode(fork_server.Request(start)) + b"\n"
-            socket.send_fds(self._server, [request], [stdin, *inner])
-            for each in (stdin, *inner):
-                os.close(each)
-            pid = await started
-            return ForkedProcess(self, pid, self._ends[pid], list(outer), keep_open, on_output)
-
-        def send_signal(self, pid: int, number: int) -> None:
-            """Send a signal to a program, if it still runs."""
-            request = fork_server.Request(signal=number, pid=pid)
-            self._server.send(msgspec.json.encode(request) + b"\n")
-
-        def _read(self) -> None:
-            data = self._server.recv(fork_server.LONGEST)
-            if not data:
-                raise SystemExit("the process that starts the programs has ended")
-            *lines, self._received = (self._received + data).split(b"\n")
-            for line in lines:
-                report = msgspec.json.decode(line, type=fork_server.Report)
-                if report.pid:
-                    self._ends[report.pid] = asyncio.get_running_loop().create_future()
-                    self._started.pop(0).set_result(report.pid)
-                else:
-                    self._ends.pop(report.ended).set_result(report.code)
-
-    class ForkedProcess:
-        """A program that `fork_server` has started."""
-
-        def __init__(
-            self,
-            starter: ForkStarter,
-            pid: int,
-            end: asyncio.Future[int],
-            outputs: list[int],
-            keep_open: int,
-            on_output: Written,
-        ) -> None:
-            self._starter = starter
-            self._pid = pid
-            self._end = end
-            self._keep_open = keep_open
-            self._outputs = dict(enumerate(outputs, start=1))
-            self._on_output = on_output
-            for stream, output in self._outputs.items():
-                os.set_blocking(output, False)
-                asyncio.get_running_loop().add_reader(output, self._read, stream)
-
-        async def wait(self) -> int:
-            """Wait for its end and its output."""
-            code = await asyncio.shield(self._end)
-            # Its whole group has been killed, so nothing can write any more.
-            for stream in list(self._outputs):
-                while stream in self._outputs and self._read(stream):
-                    continue
-                self._close(stream)
-            os.close(self._keep_open)
-            return code
-
-        def send_signal(self, number: int) -> None:
-            """Send a signal to it."""
-            self._starter.send_signal(self._pid, number)
-
-        def kill(self) -> None:
-            """End it at once."""
-            self.send_signal(signal.SIGKILL)
-
-        def _read(self, stream: int) -> bool:
-            """Read what there is; returns whether there was something."""
-            try:
-                data = os.read(self._outputs[stream], 2**16)
-            except BlockingIOError:
-                return False
-            if data:
-                self._on_output(stream, data)
-            else:
-                self._close(stream)
-            return bool(data)
-
-        def _close(self, stream: int) -> None:
-            if (output := self._outputs.pop(stream, None)) is not None:
-                asyncio.get_running_loop().remove_reader(output)
-                os.close(output)

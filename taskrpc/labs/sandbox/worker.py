@@ -12,29 +12,28 @@ import dataclasses
 import hashlib
 import os
 import sys
-import tempfile
 from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.labs import catalogue
-from taskrpc.labs.grading import findings
+from taskrpc.labs.grading import NewTrial, findings
 from taskrpc.labs.hidden import hidden_checks, with_checks
 from taskrpc.labs.lab import Check, Lab, NotMet
 from taskrpc.labs.report import About, Line, Result, Stopped
-from taskrpc.labs.sandbox import child, fork_server, linux, speed
-from taskrpc.labs.sandbox.child_trial import child_trial
+from taskrpc.labs.sandbox import child_trial, speed
 from taskrpc.labs.sandbox.limits import MEGABYTE, Limits, limit_this_process
-from taskrpc.labs.sandbox.program import SpawnStarter, Starter
 from taskrpc.labs.starter import RECORD, read_record, starter_files
 from taskrpc.labs.submission import find_lab, find_root, remove, take
 from taskrpc.labs.trial import Trial
 from taskrpc.labs.variants import Variant
 from taskrpc.ros.process_tree import end_children_with_this_process
-from taskrpc.transport.tcp.tcp_network import TcpNetwork
+
+if sys.platform != "win32":
+    from taskrpc.labs.sandbox.box import Sandbox
 
 _OWN = Limits(cpu=120, memory=2048 * MEGABYTE, file=100 * MEGABYTE, open_files=1024)
 """The limits of this process, in case a submission sends it far too much."""
@@ -47,7 +46,6 @@ _SLOWER = 2.0
 _LONGEST = 1000
 """Most characters of a message."""
 _LONGEST_ID = 200
-_LONGEST_FOLDER = 30
 
 
 class Request(msgspec.Struct, frozen=True):
@@ -59,6 +57,8 @@ class Request(msgspec.Struct, frozen=True):
         variant: the ID of the variant; None for that of the submission.
         hidden: the folder with the lecturer's checks.
         speed: how much faster time passes; None for the lab's own.
+        confined: whether to run its programs in a sandbox.
+        place: a new folder for the files of the process; `grade` makes and removes it.
     """
 
     source: str
@@ -66,52 +66,48 @@ class Request(msgspec.Struct, frozen=True):
     variant: str | None = None
     hidden: str | None = None
     speed: float | None = None
+    confined: bool = False
+    place: str = ""
 
 
 def main(text: str) -> int:
     """Grade the submission of a request."""
     request = msgspec.json.decode(text, type=Request)
-    end_children_with_this_process()
     # Only `_report` writes to standard output; what a check prints goes to standard error.
     output = os.dup(1)
     os.dup2(2, 1)
     os.set_inheritable(output, False)
-    if sys.platform != "win32":
-        limit_this_process(_OWN)
-        child.preload()
-    # As late as possible: until the fork server is there, nobody removes it after a kill.
-    base = Path(tempfile.mkdtemp(prefix="taskrpc-lab-", dir=_short_folder()))
     if sys.platform == "win32":
-        server = None
+        end_children_with_this_process()
     else:
-        server = fork_server.fork_server(base)  # outside of `try`: programs leave through here
-    linux.die_with_parent()
+        limit_this_process(_OWN)
     try:
-        asyncio.run(_grade(request, base, server, output))
-    finally:
-        remove(base)
+        asyncio.run(_grade(request, output))
+    except asyncio.CancelledError:
+        with contextlib.suppress(OSError):
+            remove(Path(request.place))
+        return 1
     return 0
 
 
-async def _grade(request: Request, base: Path, server: object, output: int) -> None:
+async def _grade(request: Request, output: int) -> None:
     def report(line: Line) -> None:
         os.write(output, msgspec.json.encode(line) + b"\n")
 
+    base = Path(request.place)
     if sys.platform != "win32":
         # The process that asked has ended: nobody waits for the results.
-        asyncio.get_running_loop().add_reader(0, _end_without_reader)
-    if linux.can_confine():
-        TcpNetwork.default_place = "unix:"  # confined programs have no other sockets
+        grading = asyncio.current_task()
+        assert grading is not None
+        asyncio.get_running_loop().add_reader(0, _end_without_reader, grading)
     try:
-        await _graded(request, base, _starter(server), report)
+        await _graded(request, base, report)
     except TaskRpcError as error:
         places = f"{base / 'taken'}{os.sep}"
         report(Stopped(str(error).replace(places, "")[:_LONGEST]))
 
 
-async def _graded(
-    request: Request, base: Path, starter: Starter, report: Callable[[Line], None]
-) -> None:
+async def _graded(request: Request, base: Path, report: Callable[[Line], None]) -> None:
     taken = base / "taken"
     notes = take(Path(request.source), taken)
     part = find_lab(taken, request.lab)
@@ -126,8 +122,8 @@ async def _graded(
     limited = [dataclasses.replace(each, run=_limited(each)) for each in lab.checks]
     lab = dataclasses.replace(lab, checks=tuple(limited))
     pace = _Pace(_speed_for(lab, root) if request.speed is None else request.speed)
-    async with pace:
-        found = findings(lab, lambda: _trial(root, variant, base, starter), pace.slow_down)
+    async with pace, _trials(root, variant, base, confined=request.confined) as new_trial:
+        found = findings(lab, new_trial, pace.slow_down)
         position = 0
         async for each in found:
             pace.next_check()
@@ -183,18 +179,28 @@ class _Pace:
 
 
 @contextlib.asynccontextmanager
-async def _trial(
-    root: Path, variant: Variant, base: Path, starter: Starter
-) -> AsyncIterator[Trial]:
+async def _trials(
+    root: Path, variant: Variant, base: Path, *, confined: bool
+) -> AsyncIterator[NewTrial]:
+    """Return what makes the trial of each check."""
+    if sys.platform == "win32":
+        yield lambda: _trial(child_trial.spawned_trial(root, variant, base))
+    else:
+        async with Sandbox(root, base / "own", confined=confined) as sandbox:
+            yield lambda: _trial(child_trial.sandboxed_trial(root, variant, sandbox))
+
+
+@contextlib.asynccontextmanager
+async def _trial(trial: AbstractAsyncContextManager[Trial]) -> AsyncIterator[Trial]:
     """Make a trial; raises NotMet if a program has destroyed what the trial needs."""
     try:
-        async with child_trial(root, variant, base, starter) as trial:
-            yield trial
+        async with trial as made:
+            yield made
     except (OSError, TaskRpcError) as error:
         raise NotMet(
-            "a program that leaves other files alone",
+            "a program that leaves other programs and files alone",
             f"{type(error).__name__}: {error}",
-            "which files does the program remove or change?",
+            "which programs does it end, which files does it remove or change?",
         ) from error
 
 
@@ -216,15 +222,6 @@ def _limited(check: Check) -> Callable[[Trial], Awaitable[None]]:
             raise NotMet("the check to end", happened, look) from error
 
     return run
-
-
-def _starter(server: Any) -> Starter:
-    if sys.platform == "win32":
-        return SpawnStarter()
-    else:
-        from taskrpc.labs.sandbox.program import ForkStarter
-
-        return ForkStarter(server)
 
 
 def _identity(request: Request, record: tuple[int, str] | None) -> tuple[int, str]:
@@ -268,11 +265,7 @@ def _speed_for(lab: Lab, root: Path) -> float:
     return lab.speed
 
 
-def _end_without_reader() -> None:
+def _end_without_reader(grading: asyncio.Task[None]) -> None:
     if not os.read(0, 1):
-        os._exit(1)  # the fork server sees it, kills the programs and removes the folder
-
-
-def _short_folder() -> str | None:
-    """Return the folder for temporary files: paths of Unix sockets have at most 107 bytes."""
-    return "/tmp" if linux.can_confine() and len(tempfile.gettempdir()) > _LONGEST_FOLDER else None
+        asyncio.get_running_loop().remove_reader(0)
+        grading.cancel()  # ends the sandbox first, so that no program writes any more

@@ -9,6 +9,7 @@ import pytest
 from taskrpc.cli.main import main
 from taskrpc.labs import grader
 from taskrpc.labs.report import About, Graded, Result
+from taskrpc.labs.sandbox import bubblewrap
 
 PASSED = Result("the server adds", 3, True)
 FAILED = Result("the server logs", 1, False, "a line", "none\x1b[2J", "see get_logger")
@@ -27,6 +28,7 @@ def graded(monkeypatch, tmp_path):
         return Graded(student, about, tuple(found.get(student, [])), 4, stopped, 1.0)
 
     monkeypatch.setattr(grader, "grade", grade)
+    monkeypatch.setattr(bubblewrap, "why_not", lambda: "")
     for name in ("ada", "bob", "eve"):
         (tmp_path / "class" / name).mkdir(parents=True)
     return tmp_path
@@ -83,6 +85,26 @@ def test_all_submissions_become_a_table(graded, capsys):
     assert "3/3" in captured.err
 
 
+@pytest.mark.parametrize("table", [[], ["--csv"], ["--csv", "points.csv"]])
+def test_programs_of_other_people_need_a_sandbox(graded, monkeypatch, capsys, table):
+    monkeypatch.chdir(graded)
+    monkeypatch.setattr(bubblewrap, "why_not", lambda: "bubblewrap is not installed")
+    assert main(["lab", "check", "--all", "class", *table]) == 1
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert not (graded / "points.csv").exists()
+    assert captured.err.count("\n") == 1
+    for words in ("bubblewrap is not installed", "Debian package", "container", "--trusted"):
+        assert words in captured.err
+    assert main(["lab", "check", "--all", "class", *table, "--trusted"]) == 0
+
+
+def test_own_work_needs_no_sandbox(graded, monkeypatch):
+    monkeypatch.setattr(bubblewrap, "why_not", lambda: "bubblewrap is not installed")
+    monkeypatch.chdir(graded / "class" / "ada")
+    assert main(["lab", "check"]) == 0
+
+
 def test_ctrl_c_leaves_a_former_table(graded, monkeypatch):
     def grade_all(*_):
         raise KeyboardInterrupt
@@ -107,6 +129,7 @@ def test_a_table_on_standard_output_is_not_mixed_with_progress(graded, capsys):
         (["--jobs", "2"], "--jobs needs --all FOLDER"),
         (["--all", ".", "--json"], "--json is for one submission"),
         (["--all", ".", "--variant", "x"], "--variant is for one submission"),
+        (["--trusted"], "--trusted needs --all FOLDER"),
         (["--all", ".", "--jobs", "0"], "--jobs: expected a number of at least 1, got 0"),
         (["--all", "nowhere"], "--all: expected a folder with the submissions"),
         (["--hidden", "nowhere"], "--hidden: expected a folder"),

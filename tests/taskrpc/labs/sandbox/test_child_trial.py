@@ -3,8 +3,7 @@
 import pytest
 
 from taskrpc.labs.lab import NotMet
-from taskrpc.labs.sandbox.child_trial import child_trial
-from taskrpc.labs.variants import Variant
+from tests.labs.confined import child_trial
 
 pytestmark = pytest.mark.real_time
 
@@ -12,7 +11,7 @@ pytestmark = pytest.mark.real_time
 async def test_output_and_exit_code_of_a_program(tmp_path):
     code = "import sys\nprint('sum is 5')\nprint('end', file=sys.stderr)\nsys.exit(3)"
     (tmp_path / "client.py").write_text(code)
-    async with child_trial(tmp_path, Variant()) as trial:
+    async with child_trial(tmp_path) as trial:
         program = await trial.start("client.py")
         assert await program.wait_for_line(r"sum is (\d)", 10)
         assert await program.finished(10) == 3
@@ -21,14 +20,14 @@ async def test_output_and_exit_code_of_a_program(tmp_path):
 
 async def test_missing_file_is_named_with_those_that_exist(tmp_path):
     (tmp_path / "sever.py").write_text("")
-    async with child_trial(tmp_path, Variant()) as trial:
+    async with child_trial(tmp_path) as trial:
         with pytest.raises(NotMet, match=r"expected a file server\.py; the folder has sever\.py"):
             await trial.start("server.py")
 
 
 async def test_programs_end_with_the_trial(tmp_path):
     (tmp_path / "server.py").write_text("import time\nprint('on', flush=True)\ntime.sleep(600)")
-    async with child_trial(tmp_path, Variant()) as trial:
+    async with child_trial(tmp_path) as trial:
         program = await trial.start("server.py")
         await program.wait_for_line("on", 10)
     assert await program.finished(0) is not None
@@ -44,25 +43,10 @@ except KeyboardInterrupt:
     raise SystemExit(7)
 """
     (tmp_path / "server.py").write_text(code)
-    async with child_trial(tmp_path, Variant()) as trial:
+    async with child_trial(tmp_path) as trial:
         program = await trial.start("server.py")
         await program.wait_for_line("on", 10)
         before = trial.time()
         await program.interrupt()
         assert await program.finished(10) == 7
         assert trial.time() > before
-
-
-@pytest.mark.labs
-async def test_a_program_that_fills_its_temporary_folder_is_ended(tmp_path):
-    code = """
-import tempfile, time
-for _ in range(6):
-    tempfile.NamedTemporaryFile(delete=False).write(bytes(9 * 2**20))
-time.sleep(600)
-"""
-    (tmp_path / "server.py").write_text(code)
-    async with child_trial(tmp_path, Variant()) as trial:
-        program = await trial.start("server.py")
-        assert await program.finished(30) is not None
-        assert "its folders have more than 50 MB" in program.output[-1]

@@ -3,12 +3,11 @@
 import asyncio
 import signal
 
-from taskrpc.labs.sandbox import program
 from taskrpc.labs.sandbox.child import Start
 from taskrpc.labs.sandbox.limits import LIMITS
-from taskrpc.labs.sandbox.program import ChildProgram, usage
+from taskrpc.labs.sandbox.program import ChildProgram
 
-START = Start("server.py", (), ".")
+START = Start("server.py", ())
 
 
 class Process:
@@ -18,6 +17,10 @@ class Process:
         self.signals = []
         self.end = asyncio.get_running_loop().create_future()
         self.reacts = reacts
+        self.used_too_much = ""
+
+    def excess(self):
+        return self.used_too_much
 
     async def start(self, start, on_output):
         self.write = on_output
@@ -37,15 +40,15 @@ class Process:
             self.end.set_result(-9)
 
 
-async def started(folder, **settings):
+async def started(**settings):
     process = Process(**settings)
-    child = ChildProgram(folder)
+    child = ChildProgram()
     await child.run(process, START)
     return process, child
 
 
-async def test_lines_are_complete_lines_of_both_streams(tmp_path):
-    process, child = await started(tmp_path)
+async def test_lines_are_complete_lines_of_both_streams():
+    process, child = await started()
     process.write(1, b"sum ")
     process.write(2, b"warning\r\n")
     process.write(1, b"is 5\nrest \xff")
@@ -58,8 +61,8 @@ async def test_lines_are_complete_lines_of_both_streams(tmp_path):
     await child.kill()
 
 
-async def test_a_program_that_writes_too_much_is_ended(tmp_path):
-    process, child = await started(tmp_path)
+async def test_a_program_that_writes_too_much_is_ended():
+    process, child = await started()
     process.write(1, b"x" * LIMITS.output)
     process.write(2, b"x\n" * 100)
     assert process.signals == [9]
@@ -70,35 +73,27 @@ async def test_a_program_that_writes_too_much_is_ended(tmp_path):
     await child.kill()
 
 
-async def test_a_program_with_too_many_files_is_ended(tmp_path, monkeypatch):
-    _, child = await started(tmp_path)
-    monkeypatch.setattr(program, "usage", lambda folder, most: (0, most + 1))
+async def test_a_program_is_ended_when_its_sandbox_uses_too_much():
+    process, child = await started()
+    process.used_too_much = "its folders have more than 2000 files"
     assert await child.finished(5) == -9
-    assert "its folders have more than 50 MB or 2000 files" in child.output[-1]
+    assert child.output[-1].endswith("ended this program: its folders have more than 2000 files")
     await child.kill()
 
 
-async def test_the_cpu_limit_is_named(tmp_path):
-    process, child = await started(tmp_path)
+async def test_the_cpu_limit_is_named():
+    process, child = await started()
     process.end.set_result(-24)
     await child.finished(1)
     assert child.output[-1].endswith("it computed for more than 10 s")
     await child.kill()
 
 
-async def test_a_program_gets_ctrl_c_first_and_is_killed_if_it_does_not_react(tmp_path):
-    process, child = await started(tmp_path)
+async def test_a_program_gets_ctrl_c_first_and_is_killed_if_it_does_not_react():
+    process, child = await started()
     await child.stop()
     assert process.signals == [signal.SIGINT]
-    stubborn, child = await started(tmp_path, reacts=False)
+    stubborn, child = await started(reacts=False)
     await child.stop()
     assert stubborn.signals == [signal.SIGINT, 9]
     assert list(child.output) == []
-
-
-def test_usage_stops_counting_at_the_limit(tmp_path):
-    (tmp_path / "folder").mkdir()
-    for number in range(5):
-        (tmp_path / "folder" / str(number)).write_text("text")
-    assert usage(tmp_path, 10) == (20, 6)
-    assert usage(tmp_path, 3)[1] == 4

@@ -11,6 +11,7 @@ import pytest
 from taskrpc.labs.grader import grade
 from taskrpc.labs.sandbox.worker import Request
 from taskrpc.labs.variants import Variant
+from tests.labs.confined import CONFINED, needs_bubblewrap
 from tests.labs.submissions import solution_of, submission
 
 pytestmark = [pytest.mark.labs, pytest.mark.real_time]
@@ -128,7 +129,7 @@ async def graded(folder, server):
     source = folder / "ada"
     submission(1, solution_of(1), source, Variant())
     (source / "server.py").write_text(server)
-    found = await grade(Request(str(source)), "ada")
+    found = await grade(Request(str(source), confined=CONFINED), "ada")
     assert found.stopped == ""
     assert sum(each.points for each in found.results) == 10
     return {each.title: each for each in found.results}
@@ -137,7 +138,7 @@ async def graded(folder, server):
 @pytest.fixture(autouse=True)
 def nothing_is_left(monkeypatch):
     """Each test has its own temporary folder; afterwards it is empty, and no process is there."""
-    place = Path(tempfile.mkdtemp(dir="/tmp"))  # short, for the paths of Unix sockets
+    place = Path(tempfile.mkdtemp())
     monkeypatch.setenv("TMPDIR", str(place))
     yield
     assert [each for each in processes() if each.startswith(str(place))] == []
@@ -154,6 +155,7 @@ def processes():
             continue
 
 
+@needs_bubblewrap
 @pytest.mark.parametrize("code", STOPPERS.values(), ids=STOPPERS)
 async def test_program_cannot_stop_the_grader(tmp_path, code):
     results = await graded(tmp_path, textwrap.dedent(code))
@@ -162,6 +164,7 @@ async def test_program_cannot_stop_the_grader(tmp_path, code):
     assert results["the client prints the response"].passed
 
 
+@needs_bubblewrap
 @pytest.mark.parametrize("server", CHEATS.values(), ids=CHEATS)
 async def test_program_cannot_fool_the_grader(tmp_path, server):
     assert server != SERVER
@@ -171,18 +174,15 @@ async def test_program_cannot_fool_the_grader(tmp_path, server):
 
 @pytest.mark.parametrize(
     ("client", "title"),
-    [
-        ("sys.stdout.write(' '.join(map(str, range(10_000, 100_000))))", "prints the response"),
-        ("os.remove('client.py'); os.mkfifo('client.py')", ""),
-    ],
-    ids=["prints many numbers", "replaces its file by a pipe"],
+    [("sys.stdout.write(' '.join(map(str, range(10_000, 100_000))))", "prints the response")],
+    ids=["prints many numbers"],
 )
 async def test_client_cannot_fool_the_grader(tmp_path, client, title):
     submission(1, solution_of(1), tmp_path / "ada", Variant())
     path = tmp_path / "ada" / "client.py"
-    quiet = path.read_text().replace("print(", "str(") if title else path.read_text()
-    path.write_text(f"import os, sys\n{client}\n{quiet}")
-    found = await grade(Request(str(tmp_path / "ada")), "ada")
+    quiet = path.read_text().replace("print(", "str(")
+    path.write_text(f"import sys\n{client}\n{quiet}")
+    found = await grade(Request(str(tmp_path / "ada"), confined=CONFINED), "ada")
     assert found.stopped == ""
     failed = [each.title for each in found.results if not each.passed]
     assert failed[0].endswith(title)
@@ -206,6 +206,6 @@ async def test_a_submission_that_is_too_large_is_refused(tmp_path):
     submission(1, solution_of(1), source, Variant())
     with (source / "film.mp4").open("wb") as film:
         film.truncate(5 * 2**30)
-    found = await grade(Request(str(source)), "ada")
+    found = await grade(Request(str(source), confined=CONFINED), "ada")
     assert found.stopped.startswith("expected a submission of at most 20 MB, got more")
     assert (found.points, found.results) == (0, ())
