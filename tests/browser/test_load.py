@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from tests.browser.task_server import Services
@@ -63,7 +65,10 @@ def test_five_hundred_tasks_of_sixty_clients_keep_the_page_small(
     )
     record_property(HAPPENED, told)
     assert nodes <= MOST_NODES, told
-    assert f"and {TASKS - 51} more" in page.tab.text("#queue_more")
+    # The queue shows as many tasks as fit, at most 50; one task runs.
+    more = re.fullmatch(r"and (\d+) more tasks", page.tab.text("#queue_more"))
+    assert more is not None
+    assert TASKS - 51 <= int(more[1]) < TASKS - 1
 
 
 @pytest.mark.slow

@@ -97,5 +97,5 @@ def test_check_of_the_bundle_finds_a_missing_wheel(stick, tmp_path):
     assert check_bundle(copy, print) == 2 * len(FOUND)
     for wheel in (copy / "wheels").glob("msgspec-*aarch64*"):
         wheel.unlink()
-    with pytest.raises(Exception, match=r"Linux \(ARM\), Python .*No matching distribution found"):
+    with pytest.raises(Exception, match=r"wheels: msgspec-\S*aarch64\S* is missing"):
         check_bundle(copy, print)
