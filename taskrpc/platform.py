@@ -386,22 +386,22 @@ def locked(path: Path) -> Iterator[None]:
 if sys.platform == "win32":
     import msvcrt
 
-    def _lock(descriptor: int, *, wait: bool) -> None:
+    def _lock(descriptor: int, *, wait: bool, offset: int = _LOCK_OFFSET) -> None:
         # Do not use LK_LOCK: it sleeps a whole second between two attempts.
         import time
 
         give_up = time.monotonic() + _LONGEST_HOLD if wait else 0.0
         while True:
             try:
-                return _locking(descriptor, msvcrt.LK_NBLCK)
+                return _locking(descriptor, msvcrt.LK_NBLCK, offset)
             except OSError as error:
                 if error.errno not in _HELD or time.monotonic() >= give_up:
                     raise
             time.sleep(_LOCK_RETRY)
 
-    def _locking(descriptor: int, mode: int) -> None:
+    def _locking(descriptor: int, mode: int, offset: int = _LOCK_OFFSET) -> None:
         # Windows locks at the current position; the caller reads from the beginning afterwards.
-        os.lseek(descriptor, _LOCK_OFFSET, os.SEEK_SET)
+        os.lseek(descriptor, offset, os.SEEK_SET)
         try:
             msvcrt.locking(descriptor, mode, 1)
         finally:
@@ -409,10 +409,15 @@ if sys.platform == "win32":
 
     def is_locked(descriptor: int) -> bool:
         """Whether a process holds the file's lock."""
-        if not try_lock(descriptor):
-            return True
-        _locking(descriptor, msvcrt.LK_UNLCK)
-        return False
+        # One after the other: two programs that check at once would name each other as holder.
+        _lock(descriptor, wait=True, offset=_LOCK_OFFSET + 1)
+        try:
+            if not try_lock(descriptor):
+                return True
+            _locking(descriptor, msvcrt.LK_UNLCK)
+            return False
+        finally:
+            _locking(descriptor, msvcrt.LK_UNLCK, _LOCK_OFFSET + 1)
 
 else:
     import fcntl
