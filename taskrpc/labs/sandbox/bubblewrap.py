@@ -32,6 +32,8 @@ _NAMESPACES = ("user", "pid", "net", "ipc", "uts", "cgroup")
 _SYSTEM = ("/usr", "/lib", "/lib32", "/lib64", "/libx32", "/bin", "/sbin")
 _SETTINGS = ("/etc/ld.so.cache", "/etc/localtime", "/etc/alternatives")
 _DEVICES = ("/dev/null", "/dev/zero", "/dev/full", "/dev/random", "/dev/urandom")
+_OPEN = 0o005
+"""The permissions that all users need to read and enter a folder."""
 _FIRST_ID, _IDS = 2**30, 2**29
 """User ids that no distribution gives to users or containers by itself."""
 _TRIAL = (
@@ -144,5 +146,21 @@ def _files(folders: Iterable[Path]) -> Iterator[str]:
             if above not in made:
                 made.add(above)
                 yield from ("--perms", "0755", "--dir", str(above))
-        yield from ("--ro-bind", str(path.resolve()), str(path))
+        if path.is_dir() and path.stat().st_mode & _OPEN != _OPEN:
+            # The user of the sandbox may not enter this folder, for example a new environment
+            # that `mktemp -d` has made. Its entries are shown in a folder that all may enter.
+            yield from ("--perms", "0755", "--dir", str(path))
+            made.add(path)
+            for entry in sorted(path.iterdir()):
+                yield from _entry(entry)
+        else:
+            yield from ("--ro-bind", str(path.resolve()), str(path))
         shown.append(path)
+
+
+def _entry(path: Path) -> Iterator[str]:
+    """Yield the arguments that show one file, folder or link, read-only."""
+    if path.is_symlink():
+        yield from ("--symlink", os.readlink(path), str(path))
+    else:
+        yield from ("--ro-bind", str(path), str(path))

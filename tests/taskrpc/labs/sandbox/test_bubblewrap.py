@@ -3,6 +3,8 @@
 import os
 import platform
 import stat
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -43,3 +45,22 @@ def test_the_folders_beside_the_packages_are_not_shown(monkeypatch):
     assert str(Path(bubblewrap.__file__).parents[3]) not in shown
     assert "/" not in shown
     assert "/home" not in shown
+
+
+@needs_bubblewrap
+@pytest.mark.real_time
+def test_an_environment_in_a_closed_folder_is_shown(monkeypatch, tmp_path):
+    environment = tmp_path / "environment"  # as `mktemp -d` makes it
+    (environment / "bin").mkdir(parents=True)
+    (environment / "bin" / "tool").write_text("the tool")
+    (environment / "link").symlink_to("bin")
+    environment.chmod(stat.S_IRWXU)
+    monkeypatch.setattr(sys, "prefix", str(environment))
+    filter = bubblewrap.filter_descriptor()
+    try:
+        command = ["/bin/cat", str(environment / "link" / "tool")]
+        words = bubblewrap.confined(command, Path(bubblewrap.__file__).parent, {}, filter)
+        ended = subprocess.run(words, capture_output=True, pass_fds=(filter,), check=False)
+    finally:
+        os.close(filter)
+    assert (ended.stdout, ended.stderr, ended.returncode) == (b"the tool", b"", 0)
