@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from typing import Any, TypeAlias
 
 import srvgen
@@ -246,23 +246,27 @@ def _failure(error: BaseException) -> tuple[GoalState, str]:
 
 
 class OfferedAction:
-    """An action that a client offers: each goal becomes a `send_action_goal` for the client."""
+    """An action that a client offers: each goal becomes a `send_action_goal` for the client.
 
-    def __init__(self, node: Node, operation: AdvertiseAction, send: Send) -> None:
+    `numbers` numbers all goals of the client, as in `OfferedService`.
+    """
+
+    def __init__(
+        self, node: Node, operation: AdvertiseAction, send: Send, numbers: Iterator[int]
+    ) -> None:
         self._cls = action_class(operation.type)
         self._operation = operation  # the client compares the name with its own spelling
         self._send = send
         self._open: dict[str, tuple[ServerGoal[Any, Any, Any], asyncio.Future[Any]]] = {}
         """The goals that wait for the client's result, by id."""
-        self._number = 0
+        self._numbers = numbers
         self._server = node.create_action_server(
             self._cls, operation.action, self._execute, concurrency=_MAX_OPEN
         )
 
     async def _execute(self, goal: ServerGoal[Any, Any, Any]) -> Any:
-        self._number += 1
         action, kind = self._operation.action, self._operation.type
-        name = f"action_goal:{action}:{self._number}"
+        name = f"action_goal:{action}:{next(self._numbers)}"
         ended: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         self._open[name] = goal, ended
         known = {"id": name, "action": action}

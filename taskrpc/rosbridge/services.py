@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from typing import Any, TypeAlias
 
@@ -98,23 +98,28 @@ class ServiceClients:
 
 
 class OfferedService:
-    """A service that a client offers: each call becomes a `call_service` for the client."""
+    """A service that a client offers: each call becomes a `call_service` for the client.
 
-    def __init__(self, node: Node, operation: AdvertiseService, send: Send) -> None:
+    `numbers` numbers all calls of the client. A number that came twice would let the response to a
+    call of an earlier service, which the client has offered again, answer a call of this one.
+    """
+
+    def __init__(
+        self, node: Node, operation: AdvertiseService, send: Send, numbers: Iterator[int]
+    ) -> None:
         cls = service_class(operation.type)
         self._name = operation.service  # as the client spells it, because it compares the names
         self._send = send
         self._response = cls.Response
         self._open: dict[str, asyncio.Future[Any]] = {}
         """The calls that wait for the client's response, by id."""
-        self._number = 0
+        self._numbers = numbers
         self._service = node.create_service(
             cls, operation.service, self._called, concurrency=_MAX_OPEN
         )
 
     async def _called(self, request: Any, _: Any) -> Any:
-        self._number += 1
-        name = f"service_request:{self._name}:{self._number}"
+        name = f"service_request:{self._name}:{next(self._numbers)}"
         response: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
         self._open[name] = response
         args = to_json(request)

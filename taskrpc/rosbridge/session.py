@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import logging
 import math
 import time
@@ -113,6 +114,8 @@ class Session:
         self._publishers: dict[str, ClientPublisher] = {}
         self._services: dict[str, OfferedService] = {}
         self._actions: dict[str, OfferedAction] = {}
+        self._numbers = itertools.count(1)
+        """The numbers of the calls and goals that the client gets."""
         self._handlers: dict[type[Operation], _Handler] = {
             protocol.Advertise: self._advertise,
             protocol.Unadvertise: self._unadvertise,
@@ -301,7 +304,7 @@ class Session:
         if known is not None:  # a client that reconnects or reloads offers it again
             known.close()
         _check_room(self._services, MAX_SERVICES, "services")
-        self._services[name] = OfferedService(node, operation, self._send)
+        self._services[name] = OfferedService(node, operation, self._send, self._numbers)
 
     async def _unadvertise_service(self, operation: protocol.UnadvertiseService) -> None:
         name = self._bridge.node.resolve_service_name(operation.service)
@@ -338,7 +341,7 @@ class Session:
         if known is not None:  # a client that reconnects or reloads offers it again
             known.close()
         _check_room(self._actions, MAX_ACTIONS, "actions")
-        self._actions[name] = OfferedAction(node, operation, self._send_text)
+        self._actions[name] = OfferedAction(node, operation, self._send_text, self._numbers)
 
     async def _unadvertise_action(self, operation: protocol.UnadvertiseAction) -> None:
         name = self._bridge.node.resolve_service_name(operation.action)

@@ -8,6 +8,7 @@ They remove nothing else: a file that is no entry stays, and no link is followed
 from __future__ import annotations
 
 import contextlib
+import itertools
 import logging
 import os
 import sys
@@ -28,6 +29,8 @@ _LOCK = "lock"
 """The file that is locked during every change; its modification time is the signature."""
 _NEVER = EntryChange()
 """A change that changes nothing."""
+_numbers = itertools.count(1)
+"""The numbers of this process's files."""
 
 
 def domain_folder(domain: int) -> PrivateFolder:
@@ -40,8 +43,9 @@ class Registry:
 
     def __init__(self, domain: int) -> None:
         self._folder = domain_folder(domain)
-        self._name = f"{os.getpid()}-{id(self):x}-{time.time_ns():x}.json"
-        """The name of this process's file."""
+        self._name = ""
+        """The name of this process's file. Each file has a new one: other processes recognise by
+        its name and its first bytes how much of a file they have read."""
         self._journal: Journal | None = None
         """This process's file; None before the first change."""
         self._mine: TrackedEntry | None = None
@@ -67,6 +71,7 @@ class Registry:
             if claim:
                 self._refuse_second(claim)
             if self._journal is None:
+                self._name = f"{os.getpid()}-{next(_numbers)}-{time.time_ns():x}.json"
                 self._journal = Journal(self._folder, self._name)
             self._journal.write(tracked, change)
             self._mine = tracked

@@ -325,6 +325,20 @@ async def test_goals_of_an_action_that_ends_are_unknown(way):
             await handle.result()
 
 
+async def test_result_of_a_goal_of_the_replaced_action_ends_no_later_goal():
+    async with connected() as (node, client):
+        await client.send("advertise_action", **OFFER)
+        handle, got = await begun(node, client)
+        await client.send("advertise_action", **OFFER)  # the program of the client began again
+        with pytest.raises(taskrpc.OutcomeUnknown):
+            await handle.result()
+        later, its = await begun(node, client)
+        for name, value in ((got["id"], -1), (its["id"], 3)):
+            ending = {"status": SUCCEEDED, "result": True, "values": {"sequence": [value]}}
+            await client.send("action_result", id=name, action="fibonacci", **ending)
+        assert await later.result() == result(3)
+
+
 async def test_one_client_sends_a_goal_to_the_action_of_another():
     async with connected(2) as (_, one, other):
         await one.send("advertise_action", **OFFER)

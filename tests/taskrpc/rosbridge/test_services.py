@@ -98,6 +98,19 @@ async def test_service_that_is_offered_again_replaces_the_earlier_one():
         assert client.sent == []
 
 
+async def test_response_to_a_call_of_the_replaced_service_answers_no_later_call():
+    async with connected() as (node, client):
+        await client.send("advertise_service", **OFFER)
+        call, got = await begun(node, client)
+        await client.send("advertise_service", **OFFER)  # the program of the client began again
+        with pytest.raises(taskrpc.OutcomeUnknown):
+            await call
+        later, its = await begun(node, client)
+        await client.send("service_response", id=got["id"], values={"sum": -1})
+        await client.send("service_response", id=its["id"], values={"sum": 3})
+        assert (await later).sum == 3
+
+
 @pytest.mark.parametrize(
     ("type_name", "problem"),
     [

@@ -1,6 +1,7 @@
 """The registry shows no dead process and no incomplete entry, and nothing to other users."""
 
 import os
+import shutil
 import signal
 import stat
 import subprocess
@@ -455,3 +456,28 @@ def test_a_process_whose_file_was_removed_can_still_publish(registry):
     publish(registry, entry())
     registry.close()
     assert [path.name for path in registry._folder.path.iterdir()] == ["lock"]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no open files")
+def test_entry_that_is_written_again_is_not_taken_for_the_removed_one(registry, other):
+    tracked, subtract = TrackedEntry(entry()), ServiceEndpoint("/sub", "a/srv/B", "RIHS01_1", "/a")
+    registry.publish(tracked, EntryChange(service=ADD))
+    assert [each.services for each in other.entries()] == [(ADD,)]
+    registry.publish(tracked, EntryChange(service=ADD, gone=True))
+    shutil.rmtree(registry._folder.path)
+    registry.publish(tracked, EntryChange(service=subtract))  # begins as the removed file did
+    assert [each.services for each in other.entries()] == [(subtract,)]
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork here")
+def test_forked_child_that_publishes_has_a_file_of_its_own(registry, other):
+    publish(registry, entry())
+    ours, parent = files(registry), os.getpid()
+    if (child := os.fork()) == 0:
+        try:
+            publish(registry, entry())
+        finally:
+            os._exit(0 if len(files(registry)) == 2 and os.getpid() != parent else 1)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+    other.entries()  # removes the file of the child, which is dead
+    assert files(registry) == ours
