@@ -92,7 +92,7 @@ def _check_options(options: Namespace) -> None:
 
 
 def _has_sandbox(options: Namespace) -> bool:
-    """Return whether programs run in a sandbox.
+    """Return whether programs run in a sandbox; say so if one runs beside hidden checks without.
 
     Raises TaskRpcError if those of other people would run without.
     """
@@ -106,6 +106,13 @@ def _has_sandbox(options: Namespace) -> bool:
             f" {reason}. Install the Debian package bubblewrap, or grade in a container:"
             " see docs/how-to/grade-labs.md. --trusted goes on without: then the programs can read"
             " and change all that you can"
+        )
+    if reason and options.all is None and options.hidden is not None:
+        print(
+            f"--hidden: this submission runs without a sandbox, because {reason}: it can read"
+            f" {Path(options.hidden).resolve()} and all that you can. If it is not your own work,"
+            " install the Debian package bubblewrap",
+            file=sys.stderr,
         )
     return reason == ""
 

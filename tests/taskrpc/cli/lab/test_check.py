@@ -12,6 +12,7 @@ from taskrpc.labs.report import About, Graded, Result
 from taskrpc.labs.sandbox import bubblewrap
 
 PASSED = Result("the server adds", 3, True)
+HIDDEN = "from taskrpc.labs.lab import Check\nCHECKS = (Check('hidden', 1, print),)\n"
 FAILED = Result("the server logs", 1, False, "a line", "none\x1b[2J", "see get_logger")
 
 
@@ -103,6 +104,20 @@ def test_own_work_needs_no_sandbox(graded, monkeypatch):
     monkeypatch.setattr(bubblewrap, "why_not", lambda: "bubblewrap is not installed")
     monkeypatch.chdir(graded / "class" / "ada")
     assert main(["lab", "check"]) == 0
+
+
+@pytest.mark.parametrize("output", [[], ["--json"]])
+@pytest.mark.parametrize("why_not", ["", "bubblewrap is not installed"])
+def test_hidden_checks_without_a_sandbox_are_noted(graded, monkeypatch, capsys, output, why_not):
+    monkeypatch.setattr(bubblewrap, "why_not", lambda: why_not)
+    (graded / "labs" / "lab1").mkdir(parents=True)
+    (graded / "labs" / "lab1" / "hidden.py").write_text(HIDDEN)
+    monkeypatch.chdir(graded / "class" / "ada")
+    assert main(["lab", "check", "--hidden", "../../labs", *output]) == 0
+    noted = capsys.readouterr().err
+    assert noted.count("\n") == bool(why_not)
+    for words in ("bubblewrap is not installed", f"{graded / 'labs'}", "Debian package"):
+        assert (words in noted) == bool(why_not)
 
 
 def test_ctrl_c_leaves_a_former_table(graded, monkeypatch):
