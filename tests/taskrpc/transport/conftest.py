@@ -16,7 +16,7 @@ from taskrpc.transport import shared_endpoint
 from taskrpc.transport.shared_endpoint import Registration
 from tests.ros_domains import own_domains
 from tests.taskrpc.transport import helpers
-from tests.taskrpc.transport.contract.transports import CASES, LOOPS, case_of
+from tests.taskrpc.transport.contract.transports import CASES, LOOPS, NATIVE_TOPICS, case_of
 
 
 def is_contract(path):
@@ -46,7 +46,7 @@ def pytest_collection_modifyitems(items):
             # The imports of foreign packages may use what Python is going to remove.
             item.add_marker(pytest.mark.filterwarnings("ignore::DeprecationWarning"))
         if (reason := case.lacks.get(item.originalname)) is not None:
-            item.add_marker(pytest.mark.xfail(reason=reason, strict=True, run=case.runs_lacks))
+            item.add_marker(pytest.mark.skip(reason=reason))
 
 
 class Network:
@@ -57,6 +57,7 @@ class Network:
         self.is_virtual = isinstance(asyncio.get_running_loop(), VirtualTimeLoop)
         self.transport = case.transport
         self.by_address = case.by_address
+        self.has_native_topics = NATIVE_TOPICS.keys() <= case.lacks.keys()
         self.shares_secrets = case.shares_secrets
         self._case = case
         self._stack = stack
@@ -113,8 +114,6 @@ def zenoh_router():
 async def net(monkeypatch, request):
     name = case_of(type(asyncio.get_running_loop())) or "tcp"
     case = CASES[name]
-    if request.node.get_closest_marker("xfail"):
-        monkeypatch.setattr(helpers, "patience", 1)
     if case.opener:
         registration = Registration(case.opener)
         monkeypatch.setitem(shared_endpoint.TRANSPORTS, case.transport, registration)

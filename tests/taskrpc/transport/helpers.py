@@ -41,20 +41,20 @@ class Gate:
         return response
 
 
-patience = 60
-"""Seconds that `until` and `until_seen` wait. Tests that must fail wait less; see `conftest`."""
+PATIENCE = 60
+"""Seconds that `until` and `until_seen` wait."""
 
 
-async def until(condition, seconds=None):
+async def until(condition, seconds=PATIENCE):
     """Return once `condition()` is true; fail if it never is."""
-    async with asyncio.timeout(seconds or patience):
+    async with asyncio.timeout(seconds):
         while not condition():
             await asyncio.sleep(0.002)
 
 
 async def until_seen(node, condition):
     """Return once `condition(entries)` is true for the graph that the node sees."""
-    async with asyncio.timeout(patience):
+    async with asyncio.timeout(PATIENCE):
         while not condition(await node.graph()):
             await asyncio.sleep(0.002)
 

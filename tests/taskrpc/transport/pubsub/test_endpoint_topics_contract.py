@@ -39,6 +39,18 @@ async def test_messages_come_in_the_order_in_which_they_were_published(net):
     assert publisher.lost == subscription.lost == subscription.dropped == 0
 
 
+async def test_only_native_topics_use_no_connection_of_taskrpc(net):
+    """So native topics have none of a connection's queues, limits, announcements and retries."""
+    talker, listener = await net.node("talker"), await net.node("listener")
+    got = []
+    publisher = talker.create_publisher(Int32, "counts")
+    listener.create_subscription(Int32, "counts", got.append)
+    await until(publisher.get_subscription_count)
+    publisher.publish(Int32(data=7))
+    await until(lambda: got)
+    assert len(listener._transport.topics._links) == (0 if net.has_native_topics else 1)
+
+
 async def test_publisher_and_subscription_match_in_any_order(net):
     listener = await net.node("listener")
     got = []

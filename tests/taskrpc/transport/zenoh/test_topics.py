@@ -9,6 +9,8 @@ import weakref
 import pytest
 
 import srvgen
+import taskrpc
+from taskrpc import QoS
 from taskrpc.transport.zenoh import attachment, keys
 from taskrpc.transport.zenoh.tokens import Kind
 from taskrpc.wire.messages import TopicEndpoint
@@ -94,9 +96,7 @@ async def test_different_types_are_reported_and_exchange_nothing(node, foreign, 
 
 
 async def test_tokens_show_the_profile_of_a_topic(node, foreign):
-    import taskrpc
-
-    qos = taskrpc.QoS(3, "best_effort", "transient_local")
+    qos = QoS(3, "best_effort", "transient_local")
     node.create_publisher(String, "text", qos)
     tokens = []
 
@@ -110,6 +110,22 @@ async def test_tokens_show_the_profile_of_a_topic(node, foreign):
     assert shown.endswith("2:1:,3:,:,:,,")
     assert keys.dds_type(String._TYPE) in shown
     assert any("/NN/%/%/here" in each for each in tokens)
+
+
+@pytest.mark.parametrize(
+    ("offered", "wanted"),
+    [(QoS(reliability="best_effort"), QoS()), (QoS(), QoS(durability="transient_local"))],
+)
+async def test_all_qos_profiles_are_compatible(zenoh_router, node, caplog, offered, wanted):
+    """As with rmw_zenoh; over DDS and over taskrpc's own topics these do not match."""
+    got, told = [], []
+    async with taskrpc.Node("there", transport="zenoh", peers=[zenoh_router]) as there:
+        publisher = there.create_publisher(String, "text", offered, on_mismatch=told.append)
+        node.create_subscription(String, "text", got.append, wanted, on_mismatch=told.append)
+        await until(publisher.get_subscription_count)
+        publisher.publish(String(data="hello"))
+        await until(lambda: got)
+    assert (told, caplog.messages) == ([], [])
 
 
 class Deliver:
