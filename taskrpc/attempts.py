@@ -16,7 +16,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import math
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -40,6 +39,7 @@ from taskrpc.transport.base import Mode
 from taskrpc.transport.chance import present_chance
 from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.connection.client_side import OpenCall
+from taskrpc.transport.time_of_day import time_of_day
 
 FREE_RETRIES = 8
 """Retries of one exactly-once request after lost connections that take nothing from the retry
@@ -245,7 +245,7 @@ class Attempts(msgspec.Struct, eq=False):
         The time of day may be set back. The loop's clock may stand still while a laptop sleeps.
         """
         day, loop = self._in_doubt_since
-        return max(time.time() - day, self.now() - loop)
+        return max(time_of_day() - day, self.now() - loop)
 
     def _end_in_doubt(self, problem: str) -> None:
         self._has_ended = True
@@ -258,7 +258,7 @@ class Attempts(msgspec.Struct, eq=False):
         if isinstance(error, SessionExpired) and self._replace_client():
             return 0.0
         if error.not_executed is not True and not self._in_doubt:
-            self._in_doubt, self._in_doubt_since = True, (time.time(), self.now())
+            self._in_doubt, self._in_doubt_since = True, (time_of_day(), self.now())
         policy = self.policy
         if policy is None or not policy.allows(self._made + 1) or not self._may_repeat(error):
             return None

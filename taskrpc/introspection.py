@@ -8,13 +8,13 @@ from __future__ import annotations
 import asyncio
 import hashlib
 import logging
-import time
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
 
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import InvalidRequest, TaskRpcError
 from taskrpc.observer import Observer, Observers
 from taskrpc.security.roles import Role
+from taskrpc.transport.time_of_day import time_of_day_ns
 
 if TYPE_CHECKING:
     from taskrpc.qos import QoS
@@ -93,7 +93,7 @@ class ServiceEvents(Observer):
         if not self.publisher.get_subscription_count():
             return
         published = messages if self._contents else {}
-        gid, stamp = gid_of(call.caller), time.time_ns()
+        gid, stamp = gid_of(call.caller), time_of_day_ns()
         event = service_event(self._srv_type, step, stamp, gid, call.number, **published)
         try:
             self.publisher.publish(event)

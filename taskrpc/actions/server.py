@@ -6,7 +6,6 @@ import asyncio
 import inspect
 import logging
 import math
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
@@ -49,6 +48,7 @@ from taskrpc.security.roles import Role
 from taskrpc.service import Service
 from taskrpc.topic import Publisher
 from taskrpc.transport.codec import codec_of
+from taskrpc.transport.time_of_day import time_of_day_ns
 
 if TYPE_CHECKING:
     from taskrpc.observer import ServiceStatus
@@ -120,7 +120,7 @@ class ActionServer:
         threaded: bool = False,
         result_timeout: float = KEEP_RESULTS,
         role: Role = Role.SUBMIT,
-        wall_clock: Callable[[], int] = time.time_ns,
+        wall_clock: Callable[[], int] = time_of_day_ns,
     ) -> None:
         _check_settings(concurrency, result_timeout)
         check_callback(execute, f"the callback of {action_name}", ("a goal",))

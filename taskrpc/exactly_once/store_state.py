@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import time
 import weakref
 from collections.abc import Callable, Iterable
 
@@ -13,6 +12,7 @@ from taskrpc.request_ids.ids import Completion, CompletionStore
 from taskrpc.request_ids.ledger import Ledger
 from taskrpc.transport.base import IncomingCall
 from taskrpc.transport.connection.deadline_timer import clock_of
+from taskrpc.transport.time_of_day import time_of_day
 
 log = logging.getLogger("taskrpc.server")
 
@@ -139,7 +139,7 @@ class StoreState:
             return  # a later reading replaces this one
         if self.clock is None:
             now = clock_of(asyncio.get_running_loop())()
-            self.clock = LeaseClock(stored.completions, time.time(), now)
+            self.clock = LeaseClock(stored.completions, time_of_day(), now)
         self.ledger = ledger = Ledger((*stored.completions, *self._completed_meanwhile))
         self._completed_meanwhile = []
         for principal, received in (

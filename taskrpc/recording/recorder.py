@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import re
-import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol
 
@@ -19,6 +18,7 @@ from taskrpc.qos import QoS, qos_for_all
 from taskrpc.recording.mcap_file import RecordingWriter
 from taskrpc.recording.schemas import EVENT, schema_text
 from taskrpc.transport.discovery.entries import RegistryEntry
+from taskrpc.transport.time_of_day import time_of_day_ns
 from taskrpc.wire.messages import TopicEndpoint
 
 log = logging.getLogger("taskrpc.recording")
@@ -85,7 +85,7 @@ class Recorder:
         writer: RecordingWriter,
         selection: Selection,
         failed: Callable[[Exception], object],
-        clock: Callable[[], int] = time.time_ns,
+        clock: Callable[[], int] = time_of_day_ns,
     ) -> None:
         self._node = node
         self._writer = writer

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import logging
 import os
-import time
 from collections.abc import Callable
 from importlib.metadata import version
 from typing import Any, NamedTuple
@@ -37,6 +36,7 @@ from taskrpc.recording.recorder import Recorder, Selection
 from taskrpc.recording.schemas import EVENT, schema_text
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.server import TaskServer
+from taskrpc.transport.time_of_day import time_of_day_ns
 
 log = logging.getLogger("taskrpc.recording")
 
@@ -58,7 +58,7 @@ class RunRecorder:
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], *, clock: Callable[[], int] = time.time_ns
+        self, path: str | os.PathLike[str], *, clock: Callable[[], int] = time_of_day_ns
     ) -> None:
         self.clock = clock
         self._writer = RecordingWriter(path)

@@ -11,7 +11,6 @@ import json
 import math
 import os
 import re
-import time
 from collections.abc import Awaitable, Callable, Iterator
 from functools import cache
 from typing import Any, NamedTuple, TypeAlias
@@ -29,6 +28,7 @@ from taskrpc.rosbridge.types import (
     service_type_name,
 )
 from taskrpc.rosbridge.values import request_from_json, to_json
+from taskrpc.transport.time_of_day import time_of_day_ns
 
 _Fields: TypeAlias = dict[str, Any]
 _Answer: TypeAlias = Callable[[Any], Awaitable[_Fields]]
@@ -312,7 +312,7 @@ class Rosapi:
     # The time and the version
 
     async def _get_time(self, _: Any) -> _Fields:
-        seconds, nanoseconds = divmod(time.time_ns(), 10**9)
+        seconds, nanoseconds = divmod(time_of_day_ns(), 10**9)
         stamp = _bundled("builtin_interfaces/msg/Time")(sec=seconds, nanosec=nanoseconds)
         return {"time": stamp}
 

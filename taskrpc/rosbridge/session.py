@@ -6,7 +6,6 @@ import asyncio
 import itertools
 import logging
 import math
-import time
 from collections.abc import Callable, Coroutine, Mapping
 from functools import partial
 from typing import Any, Protocol, TypeAlias
@@ -29,6 +28,7 @@ from taskrpc.rosbridge.rosapi import Rosapi
 from taskrpc.rosbridge.services import OfferedService, ServiceClients
 from taskrpc.rosbridge.topics import ClientPublisher, ClientSubscription
 from taskrpc.rosbridge.values import to_json
+from taskrpc.transport.time_of_day import time_of_day_ns
 
 log = logging.getLogger("taskrpc.rosbridge")
 
@@ -437,7 +437,7 @@ class Session:
                 problem = f"publish: the type of {topic} is unknown; advertise it first"
                 raise BadOperation(problem, operation.id)
             await self._advertise(protocol.Advertise(topic=operation.topic, type=type_name))
-        self._publishers[topic].publish(operation.msg, divmod(time.time_ns(), 10**9))
+        self._publishers[topic].publish(operation.msg, divmod(time_of_day_ns(), 10**9))
 
     def _mismatch(self, other: str, topic: str, reason: str) -> None:
         text = f"a {other} of {topic} does not match this client's: {reason.lower()}"

@@ -7,13 +7,15 @@ import copy
 import sqlite3
 from collections import Counter, deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import wait as wait_for_jobs
 from functools import partial
 from typing import Any, Generic, TypeAlias, TypeVar
 
 from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.storage.database import Database, MemoryDatabase
 from taskrpc.storage.lock import FileInUse
+from taskrpc.transport.chance import give_chance, is_seeded, present_chance
 
 _Change = TypeVar("_Change")
 _Result = TypeVar("_Result")
@@ -52,6 +54,9 @@ class Writer(Generic[_Change]):
         self._waiting: deque[_PendingWork] = deque()
         self._is_busy = False
         """Whether the thread works, or will begin in the loop's next iteration."""
+        self._waits = False
+        """Whether the loop waits for the thread, so that each job ends at a fixed place of a run
+        that can be repeated."""
         self.transactions: Counter[int] = Counter()
         """How many transactions there were, by the number of their changes."""
 
@@ -119,7 +124,7 @@ class Writer(Generic[_Change]):
     ) -> asyncio.Future[Any]:
         loop = asyncio.get_running_loop()
         if self._loop is not loop:  # another asyncio.run: the previous one's callers have ended
-            self._loop, self._is_busy = loop, False
+            self._loop, self._is_busy, self._waits = loop, False, is_seeded(loop)
             self._waiting.clear()
         result = loop.create_future()
         self._waiting.append(_PendingWork(change, alone, result))
@@ -142,12 +147,17 @@ class Writer(Generic[_Change]):
                 taken.append(waiting.popleft())
             job = partial(self._change_all, [each.change for each in taken])
             self.transactions[len(taken)] += 1
-        running = loop.run_in_executor(self._worker(), job)
+        if self._waits:
+            running = asyncio.wrap_future(_ended(self._worker().submit(job)), loop=loop)
+        else:
+            running = loop.run_in_executor(self._worker(), job)
         running.add_done_callback(partial(self._done, loop, taken))
 
     def _worker(self) -> ThreadPoolExecutor:
         if self._thread is None:
-            self._thread = ThreadPoolExecutor(1, thread_name_prefix="taskrpc-store")
+            self._thread = ThreadPoolExecutor(
+                1, "taskrpc-store", initializer=give_chance, initargs=(present_chance(),)
+            )
         return self._thread
 
     def _done(
@@ -214,6 +224,12 @@ class _PendingWork:
         self, change: Any, alone: Callable[[], Any] | None, result: asyncio.Future[Any]
     ) -> None:
         self.change, self.alone, self.result = change, alone, result
+
+
+def _ended(job: Future[_Result]) -> Future[_Result]:
+    """Return the job once it has ended."""
+    wait_for_jobs([job])
+    return job
 
 
 def _outcome(work: Callable[[], Any]) -> list[Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
@@ -38,6 +37,7 @@ from taskrpc.tasks.responses import (
 )
 from taskrpc.tasks.task_execution import TaskExecution
 from taskrpc.tasks.worker import Worker
+from taskrpc.transport.time_of_day import time_of_day
 
 _log = logging.getLogger("taskrpc.tasks")
 
@@ -49,7 +49,7 @@ class TaskSettings(QueueSettings, frozen=True, kw_only=True):
 
     keep_ended: int = 1000
     """How many ended tasks are remembered, besides the interrupted ones."""
-    wall_clock: Callable[[], float] = time.time
+    wall_clock: Callable[[], float] = time_of_day
     """Returns the time of day in seconds since 1970."""
     journal: QueueJournal | None = None
     """Takes each step of the queue, for a recording; None for no journal."""

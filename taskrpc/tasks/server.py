@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import time
 from collections.abc import Awaitable, Callable, Collection, Sequence
 from functools import partial, wraps
 from typing import Any, Self, TypeAlias
@@ -37,6 +36,7 @@ from taskrpc.tasks.records.repository import TaskCompletions
 from taskrpc.tasks.records.store import TaskStore
 from taskrpc.tasks.responses import Resumed, TaskMessages, TaskResponse
 from taskrpc.tasks.topics import TaskTopics
+from taskrpc.transport.time_of_day import time_of_day
 
 _log = logging.getLogger("taskrpc.tasks")
 
@@ -413,7 +413,7 @@ class TaskServer(OfferedTasks):
         keep_ended: int = 1000,
         join: bool = False,
         introspection: IntrospectionState = "off",
-        wall_clock: Callable[[], float] = time.time,
+        wall_clock: Callable[[], float] = time_of_day,
         journal: QueueJournal | None = None,
     ) -> None:
         settings = TaskSettings(

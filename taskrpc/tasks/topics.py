@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import time
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -18,6 +17,7 @@ from taskrpc.robot.protocol import Pose
 from taskrpc.tasks.managed import ManagedTasks
 from taskrpc.tasks.responses import TaskMessages
 from taskrpc.topic import Publisher
+from taskrpc.transport.time_of_day import time_of_day_ns
 
 POSE_PERIOD = 0.1
 """Seconds between two poses of a moving robot."""
@@ -97,7 +97,7 @@ class TaskTopics:
     def _stamped(self, pose: Pose) -> Any:
         message = self._pose_type()
         stamp = message.header.stamp
-        stamp.sec, stamp.nanosec = divmod(time.time_ns(), 10**9)
+        stamp.sec, stamp.nanosec = divmod(time_of_day_ns(), 10**9)
         message.header.frame_id = _FRAME
         message.pose.position.x, message.pose.position.y = pose.x, pose.y
         message.pose.orientation.z = math.sin(pose.theta / 2)

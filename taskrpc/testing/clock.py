@@ -14,6 +14,7 @@ from typing import Any, TypeVar, TypeVarTuple
 _Args = TypeVarTuple("_Args")
 _Result = TypeVar("_Result")
 
+_FIRST_DAY = 1_767_225_600.0  # 2026-01-01 00:00 UTC, in seconds since 1970
 _EXECUTOR_TIMEOUT = 30.0  # real seconds after which a job in a thread counts as stuck
 
 
@@ -28,16 +29,19 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
     its time. `loop.time()` starts at 0.0 seconds. The clock stands still while a job runs in an
     executor. A wait that nothing can end raises `NothingWillEverHappen` instead of hanging.
 
-    `seed` determines everything random in the library: waits, ids and secrets. The same program
-    with the same seed runs in the same way each time, in every process. With None, each run
-    differs. Not part of it: the program's own random numbers, threads, and the time of day.
+    `seed` determines everything random in the library: waits, ids and secrets. The time of day
+    that the library uses then begins at 2026-01-01 00:00 UTC, and passes as the loop's clock does.
+    The same program with the same seed runs in the same way each time, in every process. With None,
+    each run differs. Not part of it: the program's own random numbers, threads and uses of `time`.
     """
 
     def __init__(self, seed: int | None = None) -> None:
+        self._virtual_now = 0.0
         if seed is not None:
             self.chance = random.Random(seed)
             """See `taskrpc.transport.chance`."""
-        self._virtual_now = 0.0
+            self.time_of_day = lambda: _FIRST_DAY + self._virtual_now
+            """See `taskrpc.transport.time_of_day`."""
         self._open_jobs = 0  # in executors
         super().__init__(_JumpingSelector(self))
         self.advance(0.0)

@@ -3,13 +3,14 @@
 Everything random in the library comes from here, so that a run in virtual time can be repeated. A
 loop with the attribute `chance` gives it to everything that runs on it. Only
 `taskrpc.testing.VirtualTimeLoop` has one. Ids and secrets of real programs always come from the
-operating system.
+operating system. A thread of a store draws from the source that it was given.
 """
 
 from __future__ import annotations
 
 import asyncio
 import os
+import threading
 from typing import Protocol
 
 
@@ -34,6 +35,7 @@ class _System:
 
 
 _SYSTEM = _System()
+_given = threading.local()
 
 
 def chance_of(loop: asyncio.AbstractEventLoop) -> Chance:
@@ -42,9 +44,20 @@ def chance_of(loop: asyncio.AbstractEventLoop) -> Chance:
     return found
 
 
+def is_seeded(loop: asyncio.AbstractEventLoop) -> bool:
+    """Return whether an event loop has a source of its own, so that its run can be repeated."""
+    return hasattr(loop, "chance")
+
+
+def give_chance(chance: Chance) -> None:
+    """Let this thread, which runs no event loop, draw from a source."""
+    _given.chance = chance
+
+
 def present_chance() -> Chance:
-    """Return the source of the running event loop; outside of a loop, the operating system's."""
+    """Return the source of the running event loop, else of this thread, else the system's."""
     try:
         return chance_of(asyncio.get_running_loop())
     except RuntimeError:
-        return _SYSTEM
+        found: Chance = getattr(_given, "chance", _SYSTEM)
+        return found

@@ -37,6 +37,7 @@ from taskrpc.transport.limits.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.limits.log_throttling import LimitedLog
 from taskrpc.transport.network import Address, NativeSide, Network, no_definition, no_server
 from taskrpc.transport.offer_table import OfferTable
+from taskrpc.transport.time_of_day import time_of_day
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import (
     DEFAULT_LIMITS,
@@ -439,7 +440,7 @@ class Endpoint(ThreadHandoff):
         if accounts is not None:
             if self._ticker is None:  # without connections, no tick has read the file
                 accounts.refresh()
-            me = msgspec.structs.replace(me, accounts=accounts.current, today=time.time())
+            me = msgspec.structs.replace(me, accounts=accounts.current, today=time_of_day())
         return _serving_class(threads=self._has_threads)(self, me)
 
     def _identity(self, token: bytes, name: str) -> Identity:
@@ -523,7 +524,7 @@ class Endpoint(ThreadHandoff):
         if (accounts := self.network.accounts) is not None:
             accounts.refresh()
             for served in list(self._served):
-                served.check_account(accounts.current, time.time())
+                served.check_account(accounts.current, time_of_day())
         if self.address and self.network.certificate != self._own_entry.about.certificate:
             self.publish(EntryChange())
 

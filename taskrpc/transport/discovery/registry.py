@@ -22,6 +22,7 @@ from taskrpc.errors import NameInUse, TaskRpcError
 from taskrpc.security.private_folder import PrivateFolder
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.journal import TIME_STEP, Journal, JournalReader
+from taskrpc.transport.time_of_day import time_of_day
 
 _logger = logging.getLogger("taskrpc")
 
@@ -268,7 +269,7 @@ _KERNEL = "ipykernel_launcher.py"
 
 def this_process() -> RegistryEntry:
     """Return this process's entry, still without nodes and services."""
-    return RegistryEntry(pid=os.getpid(), script=_script(), folder=_folder(), since=time.time())
+    return RegistryEntry(pid=os.getpid(), script=_script(), folder=_folder(), since=time_of_day())
 
 
 def _script() -> str:

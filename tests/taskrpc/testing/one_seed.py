@@ -18,8 +18,8 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc import attempts
-from taskrpc.actions.server import ActionServer
+from taskrpc import attempts, introspection
+from taskrpc.storage import writer
 from taskrpc.testing import FaultyNetwork, VirtualTimeLoop
 from taskrpc.testing.faulty_connections import Direction
 
@@ -68,7 +68,7 @@ async def robot(stop, runs, store):
     async with taskrpc.Node("robot", transport="memory", listen="robot") as node:
         node.create_service(Add, "once", add, exactly_once=store)
         node.create_service(Add, "often", add, idempotent=True, concurrency=4)
-        node.create_service(Add, "perhaps", add)
+        node.configure_introspection(node.create_service(Add, "perhaps", add), "metadata")
         node.create_action_server(Fibonacci, "count", count)
         publisher = node.create_publisher(String, "news")
         number = 0
@@ -103,6 +103,9 @@ async def user(name, trace):
     """Call the services, send goals, and subscribe to the topic."""
     async with taskrpc.Node(name, transport="memory", listen=name) as node:
         node.create_subscription(String, "news", lambda message: trace.add(name, message.data))
+        node.create_subscription(
+            Add.Event, "perhaps/_service_event", lambda event: trace.add(name, event.info.stamp)
+        )
         policies = {"once": LIMITED, "often": LIMITED, "perhaps": taskrpc.RetryPolicy()}
         clients = {each: node.create_client(Add, each, retry=it) for each, it in policies.items()}
 
@@ -124,7 +127,8 @@ async def user(name, trace):
 
 async def system(seed, trace):
     """Two users call a robot over a network with faults; the robot is away for some time."""
-    store, runs, stop = taskrpc.MemoryCompletions(), [], asyncio.Event()
+    runs, stop = [], asyncio.Event()
+    store = taskrpc.SqliteCompletions(":memory:")  # in a thread of its own, as with a file
     with FaultyNetwork(seed, delay=(0.0, 0.2), pieces=400, cut_after=6000, refuse=0.2) as network:
         first = asyncio.create_task(robot(stop, runs, store))
         users = [asyncio.create_task(user(name, trace)) for name in ("ada", "ben")]
@@ -141,6 +145,7 @@ async def system(seed, trace):
         await asyncio.gather(*users)
         stop.set()
         await second
+    await store.close()
     trace.add("runs", runs, dict(network.happened))
 
 
@@ -154,10 +159,6 @@ def run(seed):
         root.propagate = False
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(Direction, "send", traced(trace, Direction.send))
-            # The time of day is no part of virtual time.
-            patch.setattr(time, "time", loop.time)
-            defaults = ActionServer.__init__.__kwdefaults__
-            patch.setitem(defaults, "wall_clock", lambda: round(loop.time() * 1e9))
             runner.run(system(seed, trace))
         root.removeHandler(trace)
     return trace.lines
@@ -167,11 +168,24 @@ def use_global_generator():
     attempts.present_chance = lambda: random
 
 
+def use_chance_of_the_system():
+    writer.give_chance = lambda _: None
+
+
+def use_time_of_the_machine():
+    introspection.time_of_day_ns = time.time_ns
+
+
 def use_order_of_a_set():
     SERVICES[:] = set(SERVICES)
 
 
-PLANTS = {"global-generator": use_global_generator, "order-of-a-set": use_order_of_a_set}
+PLANTS = {
+    "global-generator": use_global_generator,
+    "order-of-a-set": use_order_of_a_set,
+    "chance-of-the-system": use_chance_of_the_system,
+    "time-of-the-machine": use_time_of_the_machine,
+}
 
 
 def main(first, count, *options):

@@ -1,17 +1,22 @@
-"""Everything random comes from one source, and no order of a set decides what happens."""
+"""Everything random, and the time of day, comes from one source each; no order of a set decides."""
 
 from __future__ import annotations
 
 import ast
+import asyncio
 import functools
 import random
+import threading
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+import taskrpc
+from taskrpc.tasks.records.sqlite_store import SqliteStore
 from taskrpc.testing import VirtualTimeLoop
-from taskrpc.transport.chance import chance_of, present_chance
+from taskrpc.transport.chance import chance_of, give_chance, present_chance
 
 ROOT = Path(__file__).parents[3]
 PACKAGES = ("taskrpc", "srvgen")
@@ -37,6 +42,28 @@ MAY_DRAW = {
     "taskrpc/classroom/register.py": "the secrets of students",
     "taskrpc/labs/": "tests of students' programs must differ each time",
     "taskrpc/browser_lab/tab/trial.py": "the same, in the browser",
+    "taskrpc/ros/packages/": "programs of their own, as ROS has them",
+}
+
+CLOCKS = {"time.time", "time.time_ns", "datetime.now", "datetime.utcnow", "datetime.today"}
+"""What reads the time of day."""
+
+MAY_READ_THE_TIME = {
+    "taskrpc/transport/time_of_day.py": "the source itself",
+    "taskrpc/transport/discovery/registry.py": "the times and names of real files",
+    "taskrpc/transport/discovery/journal.py": "the times of real files",
+    "taskrpc/transport/zenoh/": "a real middleware",
+    "taskrpc/storage/lock.py": "a line for the operator in a real file",
+    "taskrpc/fleet/postgres_store.py": "a real database, which virtual time cannot replace",
+    "taskrpc/rclpy/": "works in threads, as ROS does",
+    "taskrpc/otel.py": "spans have the times of the program's other spans",
+    "taskrpc/web/": "pages show the times of this machine",
+    "taskrpc/notebook/": "the same",
+    "taskrpc/scenes/": "the same",
+    "taskrpc/browser_lab/": "the same",
+    "taskrpc/classroom/": "accounts and files of a class, which outlast a program",
+    "taskrpc/cli/": "commands run in real time",
+    "taskrpc/colcon/": "the year of a copyright",
     "taskrpc/ros/packages/": "programs of their own, as ROS has them",
 }
 
@@ -75,6 +102,23 @@ def draws(tree: ast.Module) -> list[int]:
         if used:
             found.append(node.lineno)
     return found
+
+
+def times(tree: ast.Module) -> list[int]:
+    """The lines of a module that read the time of day elsewhere than in `time_of_day`."""
+    found = []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and node.module == "time":
+            used = {f"time.{each.name}" for each in node.names} & CLOCKS
+        else:
+            used = isinstance(node, ast.Attribute) and is_clock(ast.unparse(node))
+        if used:
+            found.append(node.lineno)
+    return found
+
+
+def is_clock(text: str) -> bool:
+    return ".".join(text.removeprefix("_").split(".")[-2:]) in CLOCKS
 
 
 def name_of(node: ast.AST) -> str:
@@ -143,6 +187,16 @@ def test_each_exception_still_draws():
         assert any(draws(tree) for each, tree in sources() if each.startswith(path)), path
 
 
+def test_library_reads_the_time_of_day_only_from_time_of_day():
+    found = offences(times, MAY_READ_THE_TIME)
+    assert found == [], "use `time_of_day`, or say in MAY_READ_THE_TIME why not"
+
+
+def test_each_exception_still_reads_the_time():
+    for path in MAY_READ_THE_TIME:
+        assert any(times(tree) for each, tree in sources() if each.startswith(path)), path
+
+
 def test_order_of_a_set_decides_nothing():
     assert offences(set_iterations, MAY_ITERATE) == [], "use a dict with None as values, or sorted"
 
@@ -161,6 +215,25 @@ def test_order_of_a_set_decides_nothing():
 )
 def test_another_generator_is_found(line):
     assert draws(ast.parse(line))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "import time; time.time()",
+        "import time as _time; _time.time_ns()",
+        "from time import time",
+        "def f(clock=time.time): pass",
+        "import datetime; datetime.datetime.now()",
+        "from datetime import datetime; datetime.now()",
+    ],
+)
+def test_another_clock_is_found(line):
+    assert times(ast.parse(line))
+
+
+def test_other_functions_of_time_are_no_clocks():
+    assert not times(ast.parse("import time; time.perf_counter(); from time import monotonic"))
 
 
 @pytest.mark.parametrize(
@@ -210,3 +283,35 @@ async def test_loop_without_a_seed_has_the_operating_systems_numbers(monkeypatch
 def test_outside_of_a_loop_the_operating_system_is_the_source():
     assert len(present_chance().randbytes(16)) == 16
     assert 0 <= present_chance().random() < 1
+
+
+def test_thread_draws_from_the_source_that_it_was_given():
+    found, expected = [], random.Random(7).randbytes(16)
+
+    def work():
+        give_chance(random.Random(7))
+        found.append(present_chance().randbytes(16))
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert found == [expected]
+    assert present_chance().randbytes(16) != expected, "other threads have their own source"
+
+
+@pytest.mark.parametrize("store", [taskrpc.SqliteCompletions, SqliteStore])
+def test_seed_determines_the_id_of_an_sqlite_store(store, tmp_path):
+    ids = []
+    for number, seed in enumerate((7, 7, 8)):
+        with asyncio.Runner(loop_factory=partial(VirtualTimeLoop, seed)) as runner:
+            ids.append(runner.run(id_of(store(tmp_path / f"{number}.db"))))
+    assert ids[0] == ids[1] != ids[2]
+
+
+async def id_of(store):
+    """The id of a new store."""
+    read = store.recall if isinstance(store, taskrpc.SqliteCompletions) else store.load
+    try:
+        return (await read()).store_id
+    finally:
+        await store.close()
