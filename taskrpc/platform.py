@@ -34,6 +34,8 @@ _SOL_LOCAL, _LOCAL_PEERCRED = 0, 1  # macOS: the user at the other end of a unix
 _XUCRED = 76  # bytes of its value: version, user id, groups
 
 
+_FOLDER_FLAGS = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_NOFOLLOW", 0)
+
 program: ContextVar[str] = ContextVar("program", default="")
 """The name of the running program where several share one interpreter, as in a browser tab; else
 "". What a process has once, such as its endpoint or rclpy's default context, each of them has."""
@@ -134,7 +136,7 @@ def open_private_dir(path: Path, *, dir_fd: int | None = None) -> int:
     Not on Windows. Raises TaskRpcError as `private_dir` does.
     """
     name = path if dir_fd is None else path.name
-    flags = os.O_RDONLY | getattr(os, "O_DIRECTORY", 0) | getattr(os, "O_NOFOLLOW", 0)
+    flags = _FOLDER_FLAGS
     try:
         try:
             descriptor = os.open(name, flags, dir_fd=dir_fd)
@@ -182,21 +184,29 @@ def is_link(found: os.stat_result) -> bool:
     return stat.S_ISLNK(found.st_mode) or bool(attributes & stat.FILE_ATTRIBUTE_REPARSE_POINT)
 
 
-def check_private_dir(path: Path) -> None:
+def open_checked_dir(path: Path) -> int:
     """Create a folder that only this user can enter, or check an existing one without changing it.
 
-    Raises TaskRpcError with the remedy, or OSError.
+    Returns a descriptor. Not on Windows. Raises TaskRpcError with the remedy, or OSError.
     """
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
-    found = path.lstat()
-    if not stat.S_ISDIR(found.st_mode) or not is_this_user(found.st_uid):
+    try:
+        descriptor = os.open(path, _FOLDER_FLAGS)
+    except OSError as error:
+        if error.errno not in (errno.ENOTDIR, errno.ELOOP, errno.EACCES):
+            raise
+        raise TaskRpcError(f"{path}: expected a folder of this user's") from None
+    found = os.fstat(descriptor)
+    if is_this_user(found.st_uid) and not found.st_mode & 0o077:
+        return descriptor
+    os.close(descriptor)
+    if not is_this_user(found.st_uid):
         raise TaskRpcError(f"{path}: expected a folder of this user's")
-    if sys.platform != "win32" and found.st_mode & 0o077:
-        mode = stat.S_IMODE(found.st_mode)
-        raise TaskRpcError(
-            f"{path}: expected a folder that only its owner can enter, its mode is {mode:04o};"
-            " name a folder of its own"
-        )
+    mode = stat.S_IMODE(found.st_mode)
+    raise TaskRpcError(
+        f"{path}: expected a folder that only its owner can enter, its mode is {mode:04o};"
+        " name a folder of its own"
+    )
 
 
 def peer_user(sock: socket.socket) -> int | None:
@@ -308,18 +318,59 @@ def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
     Without `sync` it does not wait for the disk, so a failure of the machine may lose the file.
     """
     new = path.with_name(f"{path.name}.{os.getpid()}.new")
-    new.unlink(missing_ok=True)  # the user that made it may be able to read it
-    descriptor = open_private(new, must_be_new=True)
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(content)
-            file.flush()
-            if sync:
-                os.fsync(file.fileno())
-        os.replace(new, path)
-    except BaseException:
-        new.unlink(missing_ok=True)
-        raise
+    with _folder_of(path) as folder:
+
+        def place(path: Path) -> str:
+            return str(path) if folder is None else path.name
+
+        # The user that made it may be able to read it.
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(place(new), dir_fd=folder)
+        descriptor = open_private(place(new), must_be_new=True, dir_fd=folder)
+        try:
+            with os.fdopen(descriptor, "wb") as file:
+                file.write(content)
+                file.flush()
+                if sync:
+                    os.fsync(file.fileno())
+            os.replace(place(new), place(path), src_dir_fd=folder, dst_dir_fd=folder)
+        except BaseException:
+            with contextlib.suppress(FileNotFoundError):
+                os.unlink(place(new), dir_fd=folder)
+            raise
+
+
+@contextlib.contextmanager
+def _folder_of(path: Path) -> Iterator[int | None]:
+    """Open the folder of a file: all steps then take place in it, also if it is moved meanwhile.
+
+    Yields None on Windows.
+    """
+    if sys.platform == "win32":
+        yield None
+    else:
+        descriptor = os.open(path.parent, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            yield descriptor
+        finally:
+            os.close(descriptor)
+
+
+def set_mode(path: Path | str, mode: int, *, dir_fd: int | None = None) -> None:
+    """Set the mode of a file or folder that is no link. Raises OSError."""
+    if sys.platform == "linux":
+        # The file itself is not opened: closing it would drop this process's locks of it.
+        descriptor = os.open(path, os.O_PATH | os.O_NOFOLLOW, dir_fd=dir_fd)
+        try:
+            if stat.S_ISLNK(os.fstat(descriptor).st_mode):
+                raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), str(path))
+            os.chmod(f"/proc/self/fd/{descriptor}", mode)
+        finally:
+            os.close(descriptor)
+    elif sys.platform == "win32":
+        os.chmod(path, mode)
+    else:
+        os.chmod(path, mode, dir_fd=dir_fd, follow_symlinks=False)
 
 
 def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:

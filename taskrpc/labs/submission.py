@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
+from taskrpc import platform
 from taskrpc.errors import TaskRpcError
 from taskrpc.labs.starter import RECORD, read_record
 
@@ -159,7 +160,7 @@ def _remove(folder: Path) -> None:
     try:
         while folders := _emptied(top, top):
             for name in folders:
-                _let_enter(name, top)
+                platform.set_mode(name, 0o700, dir_fd=top)
                 descriptor = _opened(name, top)
                 try:
                     _emptied(descriptor, top)
@@ -186,21 +187,9 @@ def _emptied(folder: int, top: int) -> list[str]:
         elif folder == top:
             folders.append(name)
         else:
-            _let_enter(name, folder)
+            platform.set_mode(name, 0o700, dir_fd=folder)
             os.rename(name, f"{secrets.token_hex(8)} removed", src_dir_fd=folder, dst_dir_fd=top)
     return folders
-
-
-def _let_enter(name: str, above: int) -> None:
-    """Give a folder the rights that its removal needs, unless it is a link now."""
-    if sys.platform == "linux":
-        descriptor = os.open(name, os.O_PATH | os.O_NOFOLLOW | os.O_DIRECTORY, dir_fd=above)
-        try:
-            os.chmod(f"/proc/self/fd/{descriptor}", 0o700)
-        finally:
-            os.close(descriptor)
-    else:
-        os.chmod(name, 0o700, dir_fd=above, follow_symlinks=False)
 
 
 def _opened(name: str, above: int | None) -> int:

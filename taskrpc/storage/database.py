@@ -20,6 +20,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+from taskrpc import platform
 from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.storage import path_checks
 from taskrpc.storage.error_texts import is_about_the_file, is_full, loss_text, store_errors
@@ -374,4 +375,4 @@ def _make_private(path: Path) -> None:
     # Do not use a descriptor: closing it would drop the locks of other readers in this process.
     for suffix in path_checks.SIDE_FILES:
         with contextlib.suppress(FileNotFoundError):
-            path.with_name(path.name + suffix).chmod(0o600)
+            platform.set_mode(path.with_name(path.name + suffix), 0o600)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import sys
 from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
@@ -112,7 +113,8 @@ class Lock:
         if not is_ours:
             found = os.read(self._descriptor, _HEAD).decode(errors="replace").strip()
             raise FileInUse(f"{path} is in use by another {holder} ({found})")
-        self.path.chmod(0o600)
+        if sys.platform != "win32":  # which has no such modes
+            os.fchmod(self._descriptor, 0o600)
 
     def _write_head(self) -> None:
         since = datetime.now().astimezone().isoformat(" ", "seconds")

@@ -116,16 +116,21 @@ def opens_the_registry(patch):
 
     patch(platform, "private_dir", private_dir)
     patch(platform, "open_private_dir", open_private_dir)
-    patch(platform, "check_private_dir", lambda path: None)
+    patch(platform, "open_checked_dir", lambda path: os.open(path, os.O_RDONLY))
     patch(platform, "open_private", open_private)
 
 
 def opens_the_socket(patch):
     """A socket that every user may reach, without a check of the peer's user."""
+    from taskrpc import platform
     from taskrpc.transport.tcp import tcp_network, unix_sockets
 
     opens_the_registry(patch)
-    patch(Path, "chmod", lambda self, mode: os.chmod(self, mode | 0o666))
+    patch(
+        platform,
+        "set_mode",
+        lambda path, mode, dir_fd=None: os.chmod(path, mode | 0o666, dir_fd=dir_fd),
+    )
     patch(
         tcp_network,
         "unix_peer_credentials",

@@ -107,6 +107,55 @@ def test_private_file_is_private_from_its_first_byte_also_in_place_of_another(tm
     os.close(others)
 
 
+@posix
+def test_private_file_stays_in_the_opened_folder_if_another_takes_its_place(tmp_path, monkeypatch):
+    """As a user can do who may write to the folder above."""
+    own, away, other = (tmp_path / name for name in ("own", "away", "other"))
+    own.mkdir()
+    other.mkdir()
+    new = other / f"file.{os.getpid()}.new"
+    new.write_bytes(b"another's")
+
+    def replace(_):
+        own.rename(away)
+        own.symlink_to(other)
+
+    monkeypatch.setattr(os, "fsync", replace)
+    platform.write_private(own / "file", b"the secret")
+    assert new.read_bytes() == b"another's"
+    assert [(each.name, each.read_bytes()) for each in away.iterdir()] == [("file", b"the secret")]
+
+
+@posix
+def test_mode_of_a_links_target_is_not_set(tmp_path):
+    file, link = tmp_path / "file", tmp_path / "link"
+    file.touch(0o644)
+    link.symlink_to(file)
+    if sys.platform == "linux":  # macOS sets the mode of the link itself
+        with pytest.raises(OSError, match="symbolic links"):
+            platform.set_mode(link, 0o600)
+    assert stat.S_IMODE(file.stat().st_mode) == 0o644
+    platform.set_mode(file, 0o600)
+    assert stat.S_IMODE(file.stat().st_mode) == 0o600
+
+
+@posix
+def test_setting_a_mode_keeps_the_locks_of_a_file(tmp_path):
+    file = tmp_path / "file"
+    look = (
+        "import fcntl; f = open('file', 'r+')\n"
+        "try: fcntl.lockf(f, fcntl.LOCK_EX | fcntl.LOCK_NB); print('free')\n"
+        "except OSError: print('locked')"
+    )
+    with file.open("w") as held:
+        import fcntl
+
+        fcntl.lockf(held, fcntl.LOCK_EX)
+        platform.set_mode(file, 0o600)
+        seen = subprocess.run([sys.executable, "-c", look], cwd=tmp_path, capture_output=True)
+    assert seen.stdout == b"locked\n"
+
+
 def test_a_lock_is_seen_by_others_and_ends_with_its_descriptor(tmp_path):
     one, other = (platform.open_private(tmp_path / "f") for _ in range(2))
     assert not platform.is_locked(other)

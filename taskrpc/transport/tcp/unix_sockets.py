@@ -7,6 +7,7 @@ import os
 import socket
 import stat
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 from taskrpc import platform
@@ -50,10 +51,9 @@ def bound_unix(place: str, name: str) -> tuple[socket.socket, str, os.stat_resul
     own = place == PREFIX
     path = Path(path_of(place)) if not own else platform.runtime_dir() / name
     try:
-        platform.check_private_dir(path.parent)
-        with platform.locked(_lock_of(path)):
-            _clear(path)
-            return _bound(path), str(path), os.lstat(path)
+        with _locked_folder(path) as folder:
+            _clear(path, folder)
+            return _bound(path, folder), str(path), _status(path, folder)
     except OSError as error:
         raise CannotListen(f"cannot listen at {PREFIX}{path}: {error.strerror or error}") from None
     except TaskRpcError as error:
@@ -63,12 +63,12 @@ def bound_unix(place: str, name: str) -> tuple[socket.socket, str, os.stat_resul
 def remove_unix(path: str, made: os.stat_result) -> None:
     """Remove the files of a listening socket, unless another server has replaced them."""
     file = Path(path)
-    with contextlib.suppress(OSError), platform.locked(_lock_of(file)):
-        _lock_of(file).unlink(missing_ok=True)
-        found = file.lstat()
+    with contextlib.suppress(OSError, TaskRpcError), _locked_folder(file) as folder:
+        os.unlink(_lock_of(file), dir_fd=folder)
+        found = _status(file, folder)
         # The inode alone is not enough: the file system may have reused it for another file.
         if os.path.samestat(found, made) and found.st_mtime_ns == made.st_mtime_ns:
-            file.unlink()
+            os.unlink(file.name, dir_fd=folder)
 
 
 def unix_peer_credentials(
@@ -86,14 +86,37 @@ def unix_peer_credentials(
     return None
 
 
-def _lock_of(path: Path) -> Path:
-    return path.with_name(f".{path.name}.lock")
+def _lock_of(path: Path) -> str:
+    return f".{path.name}.lock"
 
 
-def _clear(path: Path) -> None:
+@contextlib.contextmanager
+def _locked_folder(path: Path) -> Iterator[int]:
+    """Open the folder of a socket, check that only this user can enter it, and hold its lock.
+
+    Another user may be able to put another folder in its place. So files are removed and changed
+    only through the descriptor, which this yields. Raises TaskRpcError and OSError.
+    """
+    folder = platform.open_checked_dir(path.parent)
+    try:
+        lock = platform.open_private(_lock_of(path), dir_fd=folder)
+        try:
+            platform.lock(lock)
+            yield folder
+        finally:
+            os.close(lock)
+    finally:
+        os.close(folder)
+
+
+def _status(path: Path, folder: int) -> os.stat_result:
+    return os.stat(path.name, dir_fd=folder, follow_symlinks=False)
+
+
+def _clear(path: Path, folder: int) -> None:
     """Remove the socket of a dead server."""
     try:
-        found = path.lstat()
+        found = _status(path, folder)
     except FileNotFoundError:
         return
     if not stat.S_ISSOCK(found.st_mode):
@@ -103,7 +126,7 @@ def _clear(path: Path) -> None:
         try:
             probe.connect(str(path))
         except ConnectionRefusedError:
-            path.unlink()
+            os.unlink(path.name, dir_fd=folder)
             return
         except OSError as error:  # for example a full backlog: the server lives
             raise TaskRpcError(f"a server is there: {error.strerror or error}") from None
@@ -117,14 +140,14 @@ def _unix_socket() -> socket.socket:
         return socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
 
 
-def _bound(path: Path) -> socket.socket:
+def _bound(path: Path, folder: int) -> socket.socket:
     from taskrpc.transport.tcp.listening import BACKLOG
 
     sock = _unix_socket()
     try:
         sock.bind(str(path))
         # The umask may allow more; until this call, the private folder keeps other users out.
-        path.chmod(0o600)
+        platform.set_mode(path.name, 0o600, dir_fd=folder)
         sock.listen(BACKLOG)
         sock.setblocking(False)
     except BaseException:

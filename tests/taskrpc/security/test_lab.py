@@ -36,7 +36,7 @@ def test_only_this_user_can_read_the_lab_file():
 def test_failed_write_keeps_the_earlier_lab(monkeypatch):
     lab.remember_lab(LAB)
 
-    def refuse(*_):
+    def refuse(*_, **__):
         raise OSError("no space left")
 
     monkeypatch.setattr(os, "replace", refuse)

@@ -111,3 +111,23 @@ def test_count_that_cannot_be_written_refuses_no_change(path, monkeypatch):
     monkeypatch.setattr(platform, "write_at", full)
     lock.note(STORE)
     lock.close()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes are POSIX's")
+def test_link_in_the_place_of_the_lock_file_changes_no_mode(path, monkeypatch):
+    """As a user can put there who may write to the folder."""
+    precious = path.with_name("precious")
+    precious.touch(0o644)
+    try_lock = platform.try_lock
+
+    def lock_and_replace(descriptor):
+        place = path.with_name("tasks.db.lock")
+        place.unlink()
+        place.symlink_to(precious)
+        return try_lock(descriptor)
+
+    monkeypatch.setattr(platform, "try_lock", lock_and_replace)
+    lock = Lock(path, "task server")
+    assert lock.is_lost
+    lock.close()
+    assert stat.S_IMODE(precious.stat().st_mode) == 0o644

@@ -210,6 +210,28 @@ def test_only_sockets_of_this_user_are_replaced(folder, kind):
         assert mode(folder) == 0o755
 
 
+def test_nothing_is_removed_from_another_folder_that_takes_the_checked_ones_place(
+    folder, monkeypatch
+):
+    """As a user can do who may write to the folder above."""
+    own, other = folder / "own", folder / "other"
+    other.mkdir(mode=0o755)
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(other / "robot.sock"))
+    (other / "robot.sock").chmod(0o666)
+    lock = platform.lock
+
+    def lock_and_replace(descriptor):
+        lock(descriptor)
+        own.rename(folder / "away")
+        own.symlink_to(other)
+
+    monkeypatch.setattr(platform, "lock", lock_and_replace)
+    with pytest.raises(taskrpc.CannotListen, match="cannot listen at"):
+        unix_sockets.bound_unix(f"unix:{own}/robot.sock", "")
+    assert (mode(other / "robot.sock"), mode(other)) == (0o666, 0o755)
+
+
 def test_a_path_that_is_too_long_is_one_sentence(folder):
     with pytest.raises(taskrpc.CannotListen, match="too long"):
         unix_sockets.bound_unix(f"unix:{folder}/{'x' * 200}", "")
