@@ -28,13 +28,8 @@ def write_archive(
     if not tasks and not seen:
         return None
     students = [
-        {
-            "name": written.get(each.name, each.name),
-            "account": each.name,
-            "last_call": seen[each.name],
-        }
-        for each in register.accounts()
-        if each.name in seen
+        {"name": written.get(account, account), "account": account, "last_call": last}
+        for account, last in seen.items()
     ]
     content = {"ended": now, "service": service, "students": students, "tasks": tasks}
     path = _free_path(platform.private_dir(register.folder / FOLDER), now)

@@ -81,6 +81,27 @@ class Register:
         Raises TaskRpcError, and adds no account, for an invalid name, or if two accounts would have
         the same namespace.
         """
+        return self._replace(lambda _: False, names, expires)
+
+    def renew(self, names: Iterable[str] | None, expires: float) -> list[Account]:
+        """Give the students new secrets until `expires`, so that the earlier ones end.
+
+        With `names`, these students replace all earlier ones. Accounts with another role than
+        submit, such as an assistant's, stay as they are. A derived account is never given to
+        another student: what is stored of its earlier student would be shown as the new one's.
+        Raises TaskRpcError, and changes no account, as `add` does.
+        """
+        found = self._read().accounts
+        if names is None:
+            known = self.names()
+            students = ((name, row) for name, row in found.items() if row.role == "submit")
+            names = [known.get(name, name) for name, row in students if not row.revoked]
+        return self._replace(lambda row: row.role == "submit", names, expires)
+
+    def _replace(
+        self, is_former: Callable[[_Row], bool], names: Iterable[str], expires: float
+    ) -> list[Account]:
+        """Remove the former accounts and add those of these students, all or nothing."""
         students = [cleaned(name) for name in names]
         for student in students:
             if problem := student_name_problem(student):
@@ -88,11 +109,11 @@ class Register:
         wanted: list[str] = []
 
         def change(rows: dict[str, _Row]) -> None:
+            for name in [name for name, row in rows.items() if is_former(row)]:
+                del rows[name]
             written = self.names()
             for student in students:
                 wanted.append(_account_of(student, {*rows, *wanted}, written))
-            if written:
-                platform.write_private(self._names_file, msgspec.json.encode(written))
             for name in wanted:
                 old = rows.get(name)
                 if old is None or old.revoked:
@@ -101,37 +122,11 @@ class Register:
                 rows[_account(name, row).name] = row
             for name in wanted:
                 _check_namespace(name, rows)
+            if written:
+                platform.write_private(self._names_file, msgspec.json.encode(written))
 
         self._edit(change)
         return [account for account in self.accounts() if account.name in wanted]
-
-    def renew(self, names: Iterable[str] | None, expires: float) -> list[Account]:
-        """Give the students new secrets until `expires`, so that the earlier ones end.
-
-        With `names`, these students replace all earlier ones. Accounts with another role than
-        submit, such as an assistant's, stay as they are. Raises TaskRpcError as `add` does.
-        """
-        found = self._read().accounts
-        if names is None:
-            known = self.names()
-            students = ((name, row) for name, row in found.items() if row.role == "submit")
-            names = [known.get(name, name) for name, row in students if not row.revoked]
-        kept = {name for name, row in found.items() if row.role != "submit"}
-        before = [(path, _content(path)) for path in (self.accounts_file, self._names_file)]
-
-        def remove(rows: dict[str, _Row]) -> None:
-            for name in rows.keys() - kept:
-                del rows[name]
-            written = {name: each for name, each in self.names().items() if name in kept}
-            platform.write_private(self._names_file, msgspec.json.encode(written))
-
-        self._edit(remove)
-        try:
-            return self.add(names, expires)
-        except TaskRpcError:  # a wrong name must not cost the accounts
-            for path, content in before:
-                platform.write_private(path, content)
-            raise
 
     def revoke(self, name: str) -> None:
         """Revoke an account, given its name or its student's name.
@@ -228,10 +223,6 @@ class Register:
             raise TaskRpcError(f"{self.accounts_file}: {error.strerror}") from None
         except (msgspec.MsgspecError, UnicodeDecodeError) as error:
             raise TaskRpcError(f"{self.accounts_file}: {error}") from None
-
-
-def _content(path: Path) -> bytes:
-    return path.read_bytes() if path.exists() else b"{}"
 
 
 def _account(name: str, row: _Row) -> Account:

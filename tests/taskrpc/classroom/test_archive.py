@@ -49,6 +49,18 @@ def test_archive_has_the_students_who_called_and_the_tasks(register):
         assert path.stat().st_mode & 0o077 == 0
 
 
+def test_archive_of_a_group_has_its_own_students_after_the_next_group_got_accounts(tmp_path):
+    register = Register(tmp_path / "class")
+    register.add(["ada", "小明"], 1e12)
+    attendance = Attendance(register.attendance_file, lambda: 99.0)
+    for name in ("ada", "student1"):
+        attendance.call_began(type("Call", (), {"principal": name}))
+    attendance.node_ended(None)
+    assert [each.name for each in register.renew(["小红"], 1e12)] == ["student2"]
+    found = json.loads(write_archive(register, [], NOON).read_text(encoding="utf-8"))
+    assert [each["name"] for each in found["students"]] == ["ada", "小明"]
+
+
 def test_second_archive_of_the_same_second_has_a_name_of_its_own(register):
     paths = [write_archive(register, [], NOON) for _ in range(3)]
     assert [path.name for path in paths] == [

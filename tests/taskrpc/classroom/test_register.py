@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from msgspec.structs import replace
 
-from taskrpc import names
+from taskrpc import names, platform
 from taskrpc.classroom.authority import make_certificates
 from taskrpc.classroom.invitation import from_join_string
 from taskrpc.classroom.register import Place, Register, namespace_of
@@ -218,6 +218,21 @@ def test_wrong_name_for_the_next_group_costs_no_account(register):
         register.renew(["ana.k", "ana_k"], 1e12)
     assert register.accounts() == before
     assert register.names() == {"Jose": "José"}
+
+
+def test_program_that_ends_while_accounts_are_renewed_leaves_all_or_none(register, monkeypatch):
+    register.add(["ada", "José"], 1e12)
+    write = platform.write_private
+
+    def write_and_end(path, content, **options):
+        write(path, content, **options)
+        if path == register.accounts_file:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(platform, "write_private", write_and_end)
+    with pytest.raises(KeyboardInterrupt):
+        register.renew(["zoe", "小明"], 2e12)
+    assert [account.name for account in register.accounts()] == ["zoe", "student1"]
 
 
 def test_robots_get_the_students_in_turn(register):
