@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Callable
 from contextlib import AbstractAsyncContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from taskrpc.labs.lab import Check, Lab, NotMet
+from taskrpc.labs.lab import Check, Lab, NeedsCheck, NotMet
 from taskrpc.labs.trial import Trial
 
 NewTrial = Callable[[], AbstractAsyncContextManager[Trial]]
@@ -20,11 +20,13 @@ class Finding:
     Attributes:
         problem: why the check did not pass; None if it passed or did not run.
         waits_for: the title of the failed check that this one needs, "" if it ran.
+        runs: how often the check ran; the last run decides.
     """
 
     check: Check
     problem: NotMet | None = None
     waits_for: str = ""
+    runs: int = 1
 
     @property
     def passed(self) -> bool:
@@ -44,30 +46,30 @@ async def findings(
 
     Args:
         lab: the lab.
-        new_trial: makes the trial of each check.
-        again: called after a check that did not pass; returns whether to run it once more, for
-            example because the machine was too busy.
+        new_trial: makes the trial of each run of a check.
+        again: called after a check that did not pass; returns whether to run it a second time, for
+            example because a busy machine may be the reason.
     """
     failed: set[str] = set()
     for check in lab.checks:
         missing = next((title for title in check.needs if title in failed), "")
-        finding = Finding(check, waits_for=missing)
-        if not missing:
-            while problem := await _problem(check, new_trial):
-                finding = Finding(check, problem)
-                if not again():
-                    break
-            else:
-                finding = Finding(check)
+        if missing:
+            finding = Finding(check, waits_for=missing, runs=0)
+        else:
+            finding = await _run(check, new_trial)
+            if finding.problem is not None and again():
+                finding = replace(await _run(check, new_trial), runs=2)
         if not finding.passed:
             failed.add(check.title)
         yield finding
 
 
-async def _problem(check: Check, new_trial: NewTrial) -> NotMet | None:
+async def _run(check: Check, new_trial: NewTrial) -> Finding:
     try:
         async with new_trial() as trial:
             await check.run(trial)
     except NotMet as problem:
-        return problem
-    return None
+        return Finding(check, problem)
+    except NeedsCheck as needed:
+        return Finding(check, waits_for=needed.title)
+    return Finding(check)

@@ -25,6 +25,18 @@ class NotMet(Exception):
         super().__init__(f"expected {expected}; {happened}; {look}")
 
 
+class NeedsCheck(Exception):
+    """A check cannot say anything until another one passes; the submission shows it as it runs.
+
+    Args:
+        title: of the other check.
+    """
+
+    def __init__(self, title: str) -> None:
+        self.title = title
+        super().__init__(f"runs when this passes: {title}")
+
+
 @dataclass(frozen=True)
 class Check:
     """One thing that a submission must do.

@@ -38,6 +38,7 @@ class Result(msgspec.Struct, frozen=True, tag="result"):
         expected, happened, look: the message if the check ran and did not pass.
         waits_for: the title of the failed check that this one needs, "" if it ran.
         hidden: whether the check comes from the lecturer's own folder.
+        remark: what the lecturer should know, such as that the check ran twice.
     """
 
     title: str
@@ -48,6 +49,13 @@ class Result(msgspec.Struct, frozen=True, tag="result"):
     look: str = ""
     waits_for: str = ""
     hidden: bool = False
+    remark: str = ""
+
+
+class Slower(msgspec.Struct, frozen=True, tag="slower"):
+    """Time passes so many times slower than usual: the submission needs that much more time."""
+
+    factor: float
 
 
 class Stopped(msgspec.Struct, frozen=True, tag="stopped"):
@@ -56,7 +64,7 @@ class Stopped(msgspec.Struct, frozen=True, tag="stopped"):
     reason: str
 
 
-Line = About | Result | Stopped
+Line = About | Result | Slower | Stopped
 """What a grading process reports, one JSON text a line."""
 
 
@@ -117,10 +125,11 @@ def _explanation(result: Result) -> list[str]:
     if result.waits_for:
         return [f"runs when this passes: {result.waits_for}"]
     if result.passed:
-        return []
+        return [result.remark] if result.remark else []
+    happened = f"{result.happened} ({result.remark})" if result.remark else result.happened
     return [
         f"expected: {plain(result.expected)}",
-        f"happened: {plain(result.happened)}",
+        f"happened: {plain(happened)}",
         f"look:     {plain(result.look)}",
     ]
 
@@ -176,11 +185,21 @@ def remarks(all_graded: Sequence[Graded]) -> list[str]:
     remarks = []
     for one in all_graded:
         found = [one.stopped] if one.stopped else []
+        found += _repeated(one)
         if one.about:
             found += _shared(one, one.about, all_graded, digests)
             found += one.about.notes
         remarks.append("; ".join(found))
     return remarks
+
+
+def _repeated(one: Graded) -> list[str]:
+    """Return the remarks of its checks, each with the titles that have it."""
+    titles: dict[str, list[str]] = {}
+    for each in one.results:
+        if each.remark:
+            titles.setdefault(each.remark, []).append(each.title)
+    return [f"{remark}: {', '.join(found)}" for remark, found in titles.items()]
 
 
 def _shared(

@@ -28,8 +28,8 @@ from taskrpc.labs.sandbox.orders import Setup
 from taskrpc.labs.sandbox.program import Written
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry
 
-_START = 20.0
-"""Real seconds that a new sandbox may need until its first check begins."""
+_START = 60.0
+"""Real seconds that a new sandbox may need until its first check begins, on a busy machine."""
 _END = 5.0
 """Real seconds in which a sandbox must clean up after a check."""
 _KEPT = 2000

@@ -50,6 +50,11 @@ class ChildTrial:
         """The submission as it was handed in; its programs cannot change these files."""
         return self._folder
 
+    @property
+    def has_started_programs(self) -> bool:
+        """Whether a program of the submission ran, so that the result can depend on time."""
+        return bool(self._programs)
+
     async def start(self, file: str, *arguments: str) -> ChildProgram:
         """Start a program of the submission; raises NotMet if the file is missing or no Python."""
         path = self._folder / file

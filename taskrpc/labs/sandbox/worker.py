@@ -20,12 +20,13 @@ import msgspec
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.labs import catalogue
-from taskrpc.labs.grading import NewTrial, findings
+from taskrpc.labs.grading import Finding, NewTrial, findings
 from taskrpc.labs.hidden import hidden_checks, with_checks
-from taskrpc.labs.lab import Check, Lab, NotMet
-from taskrpc.labs.report import About, Line, Result, Stopped
+from taskrpc.labs.lab import Check, Lab, NeedsCheck, NotMet
+from taskrpc.labs.report import About, Line, Result, Slower, Stopped
 from taskrpc.labs.sandbox import child_trial, speed
 from taskrpc.labs.sandbox.limits import MEGABYTE, Limits, limit_this_process
+from taskrpc.labs.sandbox.pace import Pace
 from taskrpc.labs.starter import RECORD, read_record, starter_files
 from taskrpc.labs.submission import find_lab, find_root, remove, take
 from taskrpc.labs.trial import Trial
@@ -39,10 +40,8 @@ _OWN = Limits(cpu=120, memory=2048 * MEGABYTE, file=100 * MEGABYTE, open_files=1
 """The limits of this process, in case a submission sends it far too much."""
 _CHECK_LIMIT = 30.0
 """Real seconds of one check: far more than any needs, since each of its waits has a timeout."""
-_BUSY = 0.05
-"""Real seconds that a timer of this process may be late before time passes too fast."""
-_BEAT = 0.02
-_SLOWER = 2.0
+_LAB_LIMIT = 100.0
+"""The same in the time of the lab, for time that passes slowly."""
 _LONGEST = 1000
 """Most characters of a message."""
 _LONGEST_ID = 200
@@ -121,12 +120,13 @@ async def _graded(request: Request, base: Path, report: Callable[[Line], None]) 
         lab = with_checks(lab, hidden_checks(Path(request.hidden), lab))
     limited = [dataclasses.replace(each, run=_limited(each)) for each in lab.checks]
     lab = dataclasses.replace(lab, checks=tuple(limited))
-    pace = _Pace(_speed_for(lab, root) if request.speed is None else request.speed)
-    async with pace, _trials(root, variant, base, confined=request.confined) as new_trial:
-        found = findings(lab, new_trial, pace.slow_down)
+    factor = _speed_for(lab, root) if request.speed is None else request.speed
+    pace = Pace(factor, lab.speed)
+    repetition = _Repetition(pace, report)
+    async with _trials(root, variant, base, repetition, confined=request.confined) as new_trial:
         position = 0
-        async for each in found:
-            pace.next_check()
+        async for each in findings(lab, new_trial, repetition.again):
+            pace.first_run()
             problem = each.problem or NotMet("", "", "")
             report(
                 Result(
@@ -138,63 +138,66 @@ async def _graded(request: Request, base: Path, report: Callable[[Line], None]) 
                     problem.look[:_LONGEST],
                     each.waits_for,
                     position >= shown,
+                    repetition.remark(each),
                 )
             )
             position += 1
 
 
-class _Pace:
-    """How fast time passes: slower for a check that failed while this machine was busy."""
+class _Repetition:
+    """Decides which failed checks run a second time: those whose result can depend on time."""
 
-    def __init__(self, factor: float) -> None:
-        self._factor = factor
-        self._latest = 0.0
-        self._beating: asyncio.Task[None] | None = None
+    def __init__(self, pace: Pace, report: Callable[[Line], None]) -> None:
+        self.pace = pace
+        self.trial: child_trial.ChildTrial | None = None
+        """The latest trial; None if there was none, for example because of a busy machine."""
+        self._report = report
+        self._slower = 1.0
+        self._tell()
 
-    async def __aenter__(self) -> None:
-        self.next_check()
-        self._beating = asyncio.ensure_future(self._beat())
-
-    async def __aexit__(self, *_: object) -> None:
-        assert self._beating is not None
-        self._beating.cancel()
-
-    def next_check(self) -> None:
-        """Let time pass at full speed."""
-        self._latest = 0.0
-        speed.set_speed(self._factor)
-
-    def slow_down(self) -> bool:
+    def again(self) -> bool:
         """After a check that did not pass: whether to run it once more, in slower time."""
-        if self._latest <= _BUSY or speed.speed() < self._factor or self._factor == 1:
+        if self.trial is not None and not self.trial.has_started_programs:
             return False
-        speed.set_speed(max(1.0, self._factor / _SLOWER))
+        self.pace.second_run()
+        self._tell()
         return True
 
-    async def _beat(self) -> None:
-        while True:
-            before = speed.real_monotonic()
-            await asyncio.sleep(_BEAT * speed.speed())
-            self._latest = max(self._latest, speed.real_monotonic() - before - _BEAT)
+    def remark(self, finding: Finding) -> str:
+        """Return what the lecturer should know about a check that ran twice."""
+        if finding.runs < 2:
+            return ""
+        if not finding.passed:
+            return "failed twice"
+        return "passed at the second run" + (": the machine was busy" * self.pace.is_busy)
+
+    def _tell(self) -> None:
+        if self.pace.slower > self._slower:
+            self._slower = self.pace.slower
+            self._report(Slower(self._slower))
 
 
 @contextlib.asynccontextmanager
 async def _trials(
-    root: Path, variant: Variant, base: Path, *, confined: bool
+    root: Path, variant: Variant, base: Path, repetition: _Repetition, *, confined: bool
 ) -> AsyncIterator[NewTrial]:
     """Return what makes the trial of each check."""
     if sys.platform == "win32":
-        yield lambda: _trial(child_trial.spawned_trial(root, variant, base))
+        yield lambda: _trial(child_trial.spawned_trial(root, variant, base), repetition)
     else:
         async with Sandbox(root, base / "own", confined=confined) as sandbox:
-            yield lambda: _trial(child_trial.sandboxed_trial(root, variant, sandbox))
+            yield lambda: _trial(child_trial.sandboxed_trial(root, variant, sandbox), repetition)
 
 
 @contextlib.asynccontextmanager
-async def _trial(trial: AbstractAsyncContextManager[Trial]) -> AsyncIterator[Trial]:
+async def _trial(
+    trial: AbstractAsyncContextManager[child_trial.ChildTrial], repetition: _Repetition
+) -> AsyncIterator[Trial]:
     """Make a trial; raises NotMet if a program has destroyed what the trial needs."""
+    repetition.trial = None
     try:
         async with trial as made:
+            repetition.trial = made
             yield made
     except (OSError, TaskRpcError) as error:
         raise NotMet(
@@ -208,13 +211,14 @@ def _limited(check: Check) -> Callable[[Trial], Awaitable[None]]:
     """Run a check so that it always ends, with NotMet if anything is wrong."""
 
     async def run(trial: Trial) -> None:
+        limit = max(_CHECK_LIMIT * speed.speed(), _LAB_LIMIT)
         try:
-            async with asyncio.timeout(_CHECK_LIMIT * speed.speed()):
+            async with asyncio.timeout(limit):
                 await check.run(trial)
-        except NotMet:
+        except (NotMet, NeedsCheck):
             raise
         except TimeoutError:
-            happened = f"it did not end within {_CHECK_LIMIT:g} s"
+            happened = f"it did not end within {limit / speed.speed():.0f} s"
             raise NotMet("the check to end", happened, "what waits for ever?") from None
         except Exception as error:
             happened = f"it failed with {type(error).__name__}: {error}"

@@ -12,11 +12,12 @@ import pytest
 
 from taskrpc import TaskRpcError
 from taskrpc.labs import catalogue, grader
-from taskrpc.labs.report import About, Graded, Result
+from taskrpc.labs.report import About, Graded, Result, Slower
 from taskrpc.labs.sandbox.worker import Request
 from taskrpc.labs.starter import write_starter
 from taskrpc.labs.variants import Variant
 from tests.labs.confined import needs_bubblewrap
+from tests.labs.submissions import solution_of, submission
 
 labs = [pytest.mark.labs, pytest.mark.real_time]
 
@@ -80,6 +81,31 @@ async def test_a_failure_of_the_grader_is_not_that_of_the_others(in_memory, monk
     assert found == {"0": "", "1": "cannot be graded: no memory for a process", "2": ""}
 
 
+@pytest.mark.parametrize(
+    ("slow", "told_at", "seconds", "code"),
+    [
+        (1.0, None, 89.0, 0),
+        (1.0, None, 91.0, None),
+        (4.0, None, 179.0, 0),  # the machine is busy before the checks can say so
+        (1.0, 80.0, 179.0, 0),  # the checks say so before the first limit
+        (1.0, 80.0, 181.0, None),
+    ],
+)
+async def test_a_submission_has_more_time_on_a_busy_machine(
+    slow, told_at, seconds, code, monkeypatch
+):
+    class Tree:
+        async def wait(self):
+            await asyncio.sleep(seconds)
+            return 0
+
+    lines = []
+    monkeypatch.setattr(grader, "slowness", lambda: slow)
+    if told_at is not None:
+        asyncio.get_running_loop().call_later(told_at, lines.append, Slower(2.0))
+    assert await grader._end(Tree(), lines) == code
+
+
 def test_submissions_are_folders_and_zip_files(tmp_path):
     for name in ("bob", ".git"):
         (tmp_path / name).mkdir()
@@ -140,6 +166,30 @@ class TestProcesses:
         while list(place.iterdir()) or running(name):
             await asyncio.sleep(0.01)
         place.rmdir()
+
+    async def test_a_check_that_fails_once_keeps_its_points_and_says_so(self, tmp_path):
+        marker = tmp_path / "has run"
+        server = (solution_of(1) / "server.py").read_text().replace("@SERVICE@", "add_two_ints")
+        server = (
+            "import pathlib, sys\n"
+            f"marker = pathlib.Path({str(marker)!r})\n"
+            "if not marker.exists(): marker.touch(); sys.exit('too busy')\n"
+        ) + server
+        source = tmp_path / "ada"
+        submission(1, solution_of(1), source, Variant())
+        (source / "server.py").write_text(server)
+        found = await grader.grade(Request(str(source)), "ada")
+        first, *others = found.results
+        assert (found.points, found.most) == (10, 10)
+        assert first.remark.startswith("passed at the second run")
+        assert [each.remark for each in others] == [""] * 4
+
+    async def test_a_check_runs_twice_only_if_its_result_can_depend_on_time(self, tmp_path):
+        source = lab_1(tmp_path / "ada", server="def f(:", client="raise SystemExit(0)")
+        found = await grader.grade(Request(str(source)), "ada")
+        remarks = {each.title: each.remark for each in found.results}
+        assert remarks["the server offers the service"] == ""
+        assert remarks["the client prints the response"] == "failed twice"
 
     @needs_bubblewrap
     async def test_a_program_cannot_read_the_hidden_checks(self, tmp_path):

@@ -3,7 +3,7 @@
 import contextlib
 
 from taskrpc.labs.grading import findings
-from taskrpc.labs.lab import Check, Lab, NotMet
+from taskrpc.labs.lab import Check, Lab, NeedsCheck, NotMet
 
 
 @contextlib.asynccontextmanager
@@ -19,9 +19,25 @@ async def fails(trial):
     raise NotMet("sum=5", "sum=6", "the addition")
 
 
-async def found(*checks):
+async def needs_offers(trial):
+    raise NeedsCheck("offers")
+
+
+def fails_first(times):
+    """Return a check's run that fails so many times, and then passes."""
+
+    async def run(trial):
+        nonlocal times
+        times -= 1
+        if times >= 0:
+            raise NotMet("a response", f"none, {times} failures left", "")
+
+    return run
+
+
+async def found(*checks, again=lambda: False):
     lab = Lab(1, "", 1, "", (), lambda variant: {}, checks)
-    return [each async for each in findings(lab, no_trial)]
+    return [each async for each in findings(lab, no_trial, again)]
 
 
 async def test_a_check_that_needs_a_failed_one_is_not_run():
@@ -38,3 +54,31 @@ async def test_a_check_that_needs_a_failed_one_is_not_run():
 
 async def test_all_checks_of_a_correct_submission_pass():
     assert all(each.passed for each in await found(Check("a", 1, passes), Check("b", 2, passes)))
+
+
+async def test_a_check_can_say_itself_that_it_needs_another_one():
+    first, second = await found(
+        Check("fields", 3, needs_offers), Check("adds", 3, passes, needs=("fields",))
+    )
+    assert (first.passed, first.problem, first.waits_for) == (False, None, "offers")
+    assert second.waits_for == "fields"
+
+
+async def test_the_second_run_of_a_failed_check_decides():
+    first, second, third = await found(
+        Check("a", 1, fails_first(1)),
+        Check("b", 1, fails_first(2)),
+        Check("c", 1, passes),
+        again=lambda: True,
+    )
+    assert [each.passed for each in (first, second, third)] == [True, False, True]
+    assert [each.runs for each in (first, second, third)] == [2, 2, 1]
+    assert second.problem.happened == "none, 0 failures left"
+
+
+async def test_a_check_that_passed_or_waits_for_another_one_is_not_run_again():
+    asked = []
+    await found(
+        Check("a", 1, passes), Check("b", 1, needs_offers), again=lambda: asked.append("again")
+    )
+    assert asked == []

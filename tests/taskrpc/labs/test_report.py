@@ -125,3 +125,14 @@ def test_the_variant_of_another_student_is_remarked():
 def test_identical_files_are_remarked():
     some = [graded(student=name, digest="d") for name in "abcde"]
     assert remarks(some)[0] == "identical files: b, c, d and 1 more"
+
+
+def test_a_check_that_ran_twice_is_remarked():
+    busy = "passed at the second run: the machine was busy"
+    passed = Result("it adds", 1, True, remark=busy)
+    other = Result("it waits", 1, True, remark=busy)
+    failed = Result("it logs", 1, False, "a line", "none", "see 5", remark="failed twice")
+    assert lines_of(passed)[1:] == [f"      {busy}"]
+    assert lines_of(failed)[2] == "      happened: none (failed twice)"
+    found = remarks([graded(passed, failed, other)])
+    assert found == [f"{busy}: it adds, it waits; failed twice: it logs"]
