@@ -62,6 +62,13 @@ async def test_wrong_submission_gets_its_message(wrong, tmp_path):
     assert expected_message(wrong) in found[0][1]
 
 
+async def test_a_wrong_integer_type_in_lab_2_fails_one_check(tmp_path):
+    wrong = LECTURERS / "lab2" / "wrong" / "integer_of_another_size"
+    submission(2, wrong, tmp_path, Variant("grace"))
+    found = await problems(2, tmp_path, Variant("grace"))
+    assert [title for title, _ in found] == ["the definition has the fields of the steps"]
+
+
 @pytest.mark.parametrize("wrong", PASSES_WITHOUT_HIDDEN_CHECKS, ids=name_of)
 async def test_hidden_checks_find_what_the_public_ones_accept(wrong, tmp_path):
     number = number_of(wrong)

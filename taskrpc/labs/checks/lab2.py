@@ -6,10 +6,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import srvgen
-from srvgen.definitions.model import Constant, Field, MessageDef, ServiceDef
+from srvgen.definitions.literals import INTEGER_RANGES
+from srvgen.definitions.model import Constant, Field, FieldType, MessageDef, ServiceDef
 from taskrpc.client import Client
 from taskrpc.labs.checks.common import answer, service_of
-from taskrpc.labs.lab import Check, Lab, NotMet
+from taskrpc.labs.lab import Check, Lab, NeedsCheck, NotMet
 from taskrpc.labs.starter import filled
 from taskrpc.labs.trial import Trial
 from taskrpc.labs.variants import Variant
@@ -32,6 +33,9 @@ _TARGETS = ("target", "place", "location", "destination")
 _PRIORITIES = ("priority", "urgency", "importance", "rank")
 _TASKS = ("move", "scan", "report")
 _SECONDS = ("5.0", "3.0", "1.0")
+_LONGEST = 10
+"""Characters that a text of the checks has at most."""
+_FIELDS = "the definition has the fields of the steps"
 
 _DEFINITION = """\
 string @KIND@
@@ -74,11 +78,16 @@ def _parsed(text: str, variant: Variant) -> ServiceDef:
     return srvgen.parse_srv(text, values["PACKAGE"], values["TYPE"])
 
 
-def _own_definition(trial: Trial) -> ServiceDef:
-    """Return the definition that the student wrote; raises NotMet if it is not valid."""
+def _wanted(variant: Variant) -> ServiceDef:
+    """Return the definition that the steps describe."""
+    return _parsed(filled(_DEFINITION, _values(variant)), variant)
+
+
+def _own_text(trial: Trial) -> str:
+    """Return the file that the student wrote; raises NotMet if there is none."""
     path = _path(trial.variant)
     try:
-        text = (trial.folder / path).read_text(encoding="utf-8")
+        return (trial.folder / path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         found = sorted(each.name for each in trial.folder.glob("*/srv/*"))
         raise NotMet(
@@ -86,6 +95,11 @@ def _own_definition(trial: Trial) -> ServiceDef:
             f"the folders srv have {' and '.join(found) or 'no file'}",
             "the name of the file is the name of the type, with its capitals",
         ) from None
+
+
+def _own_definition(trial: Trial) -> ServiceDef:
+    """Return the definition that the student wrote; raises NotMet if it is not valid."""
+    path, text = _path(trial.variant), _own_text(trial)
     try:
         return _parsed(text, trial.variant)
     except srvgen.DefinitionError as error:
@@ -108,7 +122,7 @@ async def _is_valid(trial: Trial) -> None:
 
 async def _has_fields(trial: Trial) -> None:
     own = _own_definition(trial)
-    expected = _parsed(filled(_DEFINITION, _values(trial.variant)), trial.variant)
+    expected = _wanted(trial.variant)
     parts = [("request", expected.request, own.request)]
     parts += [("response", expected.response, own.response)]
     for part, wanted, found in parts:
@@ -187,22 +201,23 @@ def _in_words(each: Field | Constant) -> str:
 class TaskClient:
     """A client of the submission's service that knows the names of the variant.
 
-    Raises NotMet if the program does not offer the service.
+    Its type is the definition of the student, so that a wrong type of a field fails in the check of
+    the definition only. Raises NeedsCheck if the fields are too different to call the service, and
+    NotMet if the program does not offer it.
     """
 
-    def __init__(self, variant: Variant, client: Client[Any, Any]) -> None:
+    def __init__(self, variant: Variant, client: Client[Any, Any], own: ServiceDef) -> None:
         self.values = _values(variant)
         self._client = client
+        self._priorities = _range_of(own.request, self.values["PRIORITY"])
+        self._ids = _range_of(own.response, "task_id")
 
     @classmethod
     async def of(cls, trial: Trial) -> TaskClient:
         """Start the submission's server and connect to it."""
-        values = _values(trial.variant)
-        name = f"{values['PACKAGE']}/srv/{values['TYPE']}"
-        srv_type = srvgen.define(name, filled(_DEFINITION, values))
-        server = await trial.start("server.py")
-        service = f"/{values['SERVICE']}"
-        return cls(trial.variant, await service_of(trial, server, srv_type, service))
+        own = _own_definition(trial)
+        _expect_usable(own, trial.variant)
+        return cls(trial.variant, await _service_of(trial), own)
 
     async def submit(self, task: str, priority: int | None = None) -> tuple[str, Any]:
         """Call the service; returns the request in words, and the response."""
@@ -227,6 +242,10 @@ class TaskClient:
 
     async def refused(self, wrong: str, task: str, priority: int | None = None) -> None:
         """Raise NotMet if the server accepts an invalid task, or does not name what is wrong."""
+        if -1 not in self._ids:
+            raise NeedsCheck(_FIELDS)
+        if priority is not None and priority not in self._priorities:
+            return  # no client can send it
         words, response = await self.submit(task, priority)
         if response.success:
             raise NotMet(
@@ -248,8 +267,48 @@ class TaskClient:
             )
 
 
+def _expect_usable(own: ServiceDef, variant: Variant) -> None:
+    """Raise NeedsCheck if the checks cannot fill in the request, or read the response."""
+    wanted = _wanted(variant)
+    for needs, has in ((wanted.request, own.request), (wanted.response, own.response)):
+        types = {each.name: each.type for each in has.fields}
+        for each in needs.fields:
+            if each.name not in types or _kind(types[each.name]) != _kind(each.type):
+                raise NeedsCheck(_FIELDS)
+
+
+def _kind(field_type: FieldType) -> str:
+    """Return what the values of a type are; "" for types that no field of the lab needs."""
+    base, bound = field_type.base, field_type.string_bound
+    if field_type.is_array or not field_type.is_primitive or base == "byte":
+        return ""
+    if base in INTEGER_RANGES:
+        return "integer"
+    if base in ("string", "wstring") and bound is not None and bound < _LONGEST:
+        return ""
+    return {"float32": "number", "float64": "number", "wstring": "string"}.get(base, base)
+
+
+def _range_of(message: MessageDef, name: str) -> range:
+    """Return the values that an integer field can have."""
+    base = next(each.type.base for each in message.fields if each.name == name)
+    low, high = INTEGER_RANGES[base]
+    return range(low, high + 1)
+
+
+async def _service_of(trial: Trial) -> Client[Any, Any]:
+    """Start the server; returns a client with the student's own type."""
+    values, own = _values(trial.variant), _own_text(trial)
+    try:
+        srv_type = srvgen.define(f"{values['PACKAGE']}/srv/{values['TYPE']}", own)
+    except srvgen.DefinitionError:  # a field of a message type that does not exist
+        raise NeedsCheck(_FIELDS) from None
+    server = await trial.start("server.py")
+    return await service_of(trial, server, srv_type, f"/{values['SERVICE']}")
+
+
 async def _offers(trial: Trial) -> None:
-    await TaskClient.of(trial)
+    await _service_of(trial)
 
 
 async def _accepts(trial: Trial) -> None:
@@ -278,7 +337,7 @@ async def _refuses(trial: Trial) -> None:
     number = trial.unpredictable(100, 999)
     await client.refused(f"dance{number}", f"dance{number}", 3)
     most = int(client.values["MAX"])
-    for priority in (0, -number, most + number):
+    for priority in (0, -number, most + 1, most + number):
         await client.refused(str(priority), "move", priority)
     response = await client.accepted("move", most)
     if response.task_id != 1:
@@ -288,6 +347,9 @@ async def _refuses(trial: Trial) -> None:
             "when does the server count: before or after it has checked the values?",
         )
 
+
+_VALID = "the definition is valid"
+_OFFERS = "the server offers the service"
 
 LAB = Lab(
     number=2,
@@ -302,30 +364,15 @@ LAB = Lab(
     ),
     values=_values,
     checks=(
-        Check("the definition is valid", 1, _is_valid),
-        Check(
-            "the definition has the fields of the steps",
-            3,
-            _has_fields,
-            needs=("the definition is valid",),
-        ),
-        Check(
-            "the server offers the service",
-            1,
-            _offers,
-            needs=("the definition has the fields of the steps", "the definition is valid"),
-        ),
-        Check(
-            "the server accepts valid tasks",
-            2,
-            _accepts,
-            needs=("the server offers the service",),
-        ),
+        Check(_VALID, 1, _is_valid),
+        Check(_FIELDS, 3, _has_fields, needs=(_VALID,)),
+        Check(_OFFERS, 1, _offers, needs=(_VALID,)),
+        Check("the server accepts valid tasks", 2, _accepts, needs=(_OFFERS,)),
         Check(
             "the server refuses invalid tasks, and says why",
             3,
             _refuses,
-            needs=("the server offers the service",),
+            needs=(_OFFERS,),
         ),
     ),
 )

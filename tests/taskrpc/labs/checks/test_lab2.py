@@ -7,7 +7,7 @@ import pytest
 import srvgen
 from taskrpc import Node
 from taskrpc.labs.checks.lab2 import LAB
-from taskrpc.labs.lab import NotMet
+from taskrpc.labs.lab import NeedsCheck, NotMet
 from tests.labs.memory_trial import check_of, memory_trial
 
 RIGHT = """\
@@ -22,15 +22,20 @@ int32 task_id
 float32 estimated_time
 """
 VALID, FIELDS = "the definition is valid", "the definition has the fields of the steps"
+OFFERS = "the server offers the service"
 ACCEPTS = "the server accepts valid tasks"
 REFUSES = "the server refuses invalid tasks, and says why"
 SECONDS = {"move": 5.0, "scan": 3.0, "report": 1.0}
 
 
-async def check_definition(title, folder, text):
+def write_definition(folder, text):
     path = folder / "robot_interfaces" / "srv" / "RobotTask.srv"
-    path.parent.mkdir(parents=True)
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)
+
+
+async def check_definition(title, folder, text):
+    write_definition(folder, text)
     async with memory_trial(folder, {}) as trial:
         await check_of(LAB, title)(trial)
 
@@ -95,11 +100,11 @@ async def test_missing_definition_is_named_with_those_that_exist(tmp_path):
             await check_of(LAB, VALID)(trial)
 
 
-def server(callback):
+def server(callback, definition=RIGHT):
     """Return a server whose callback gets a request, a response and the next id."""
 
     async def run(program):
-        robot_task = srvgen.define("robot_interfaces/srv/RobotTask", RIGHT)
+        robot_task = srvgen.define("robot_interfaces/srv/RobotTask", definition)
         accepted = []
 
         def handle(request, response):
@@ -133,9 +138,51 @@ def right(request, response, next_id):
         accept(request, response, next_id)
 
 
-async def check_server(title, folder, callback):
-    async with memory_trial(folder, {"server.py": server(callback)}) as trial:
+async def check_server(title, folder, callback, definition=RIGHT):
+    write_definition(folder, definition)
+    async with memory_trial(folder, {"server.py": server(callback, definition)}) as trial:
         await check_of(LAB, title)(trial)
+
+
+@pytest.mark.parametrize("title", [OFFERS, ACCEPTS, REFUSES])
+@pytest.mark.parametrize(
+    ("line", "instead"),
+    [
+        ("int32 priority 5", "int64 priority 5"),
+        ("int32 priority 5", "int8 priority 5"),
+        ("int32 priority 5", "uint8 priority 5"),
+        ("int32 priority 5", "int32 priority"),
+        ("int32 MAX_PRIORITY=10\n", "int32 MAX_PRIORITY=11\n"),
+        ("int32 task_id", "int16 task_id"),
+        ("float32 est", "float64 est"),
+        ("bool success\nstring message", "string message\nbool success"),
+        ("bool success", "int32 extra\nbool success"),
+    ],
+)
+async def test_a_wrong_type_in_the_definition_fails_no_check_of_the_server(
+    title, line, instead, tmp_path
+):
+    assert line in RIGHT
+    definition = RIGHT.replace(line, instead)
+    await check_server(title, tmp_path, right, definition)
+    with pytest.raises(NotMet):
+        await check_definition(FIELDS, tmp_path, definition)
+
+
+@pytest.mark.parametrize(
+    ("title", "line", "instead"),
+    [
+        (ACCEPTS, "int32 priority 5", "int32 importance 5"),
+        (ACCEPTS, "float32 est", "int32 est"),
+        (ACCEPTS, "string task_type", "string[] task_type"),
+        (ACCEPTS, "string task_type", "string<=3 task_type"),
+        (REFUSES, "int32 task_id", "uint32 task_id"),
+    ],
+)
+async def test_a_check_that_the_definition_prevents_is_not_run(title, line, instead, tmp_path):
+    assert line in RIGHT
+    with pytest.raises(NeedsCheck, match=FIELDS):
+        await check_server(title, tmp_path, right, RIGHT.replace(line, instead))
 
 
 @pytest.mark.parametrize("title", [ACCEPTS, REFUSES])
