@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
+import re
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass, replace
 
 from taskrpc.labs.lab import Check, Lab, NeedsCheck, NotMet
-from taskrpc.labs.trial import Trial
+from taskrpc.labs.trial import Program, Trial
+
+_UNSPUN = re.compile(r"\[taskrpc\] ROS 2 would .*: .*no (?:other )?thread spins ([\w/]+)")
+"""What taskrpc reports of a node that is not spun."""
 
 NewTrial = Callable[[], AbstractAsyncContextManager[Trial]]
 """Makes the trial of one check: a fresh node, and programs that end with it."""
@@ -67,9 +71,26 @@ async def findings(
 async def _run(check: Check, new_trial: NewTrial) -> Finding:
     try:
         async with new_trial() as trial:
-            await check.run(trial)
+            try:
+                await check.run(trial)
+            except NotMet as problem:
+                return Finding(check, with_reason(problem, trial.programs))
     except NotMet as problem:
         return Finding(check, problem)
     except NeedsCheck as needed:
         return Finding(check, waits_for=needed.title)
     return Finding(check)
+
+
+def with_reason(problem: NotMet, programs: Iterable[Program]) -> NotMet:
+    """Return the problem, with the reason and a hint if no thread spins a node of the programs."""
+    for line in (line for program in programs for line in program.output):
+        node = _UNSPUN.search(line)
+        if node is not None and "thread spins" not in problem.happened:
+            return NotMet(
+                problem.expected,
+                f"{problem.happened}; no thread spins {node[1]}",
+                f"which line lets the callbacks of {node[1]} run, and takes its responses?"
+                " See rclpy.spin and rclpy.spin_until_future_complete",
+            )
+    return problem

@@ -46,6 +46,10 @@ class Trial(Protocol):
     def folder(self) -> Path:
         """The folder of the submission; a check may read it and must not change it."""
 
+    @property
+    def programs(self) -> Sequence[Program]:
+        """The programs that were started."""
+
     async def start(self, file: str, *arguments: str) -> Program:
         """Start a program of the submission; raises NotMet if the file is missing."""
 

@@ -31,14 +31,15 @@ class TabTrial:
         self.node = node
         self.folder: Path = FOLDER
         self._programs = programs
-        self._started: list[Program] = []
+        self.programs: list[Program] = []
+        """The programs that were started."""
 
     async def start(self, file: str, *arguments: str) -> Program:
         """Start a program of the submission; raises NotMet if the file is missing."""
         if not (FOLDER / file).is_file():
             raise NotMet(f"a file {file}", "there is none", "does it have another name?")
         program = self._programs.start(file, *arguments)
-        self._started.append(program)
+        self.programs.append(program)
         return program
 
     def time(self) -> float:
@@ -55,7 +56,7 @@ class TabTrial:
 
     async def end(self) -> None:
         """Stop its programs."""
-        await asyncio.gather(*(program.stop() for program in self._started))
+        await asyncio.gather(*(program.stop() for program in self.programs))
 
 
 def trials(programs: Programs, variant: Variant) -> NewTrial:

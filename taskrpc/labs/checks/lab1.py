@@ -12,6 +12,7 @@ from taskrpc.labs.checks.common import (
     STARTED,
     answer,
     ended,
+    expect_spun,
     has_client,
     remark,
     service_of,
@@ -142,6 +143,7 @@ async def _prints(trial: Trial) -> None:
             f"it sent {' and '.join(f'a={each.a} b={each.b}' for each in requests)}",
             "sys.argv[1] and sys.argv[2] are the numbers; call send_request once",
         )
+    expect_spun(client)
 
 
 async def _waits(trial: Trial) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import srvgen
 from taskrpc.errors import HandlerError
-from taskrpc.labs.checks.common import ended
+from taskrpc.labs.checks.common import ended, expect_spun
 from taskrpc.labs.lab import Check, Lab, NotMet
 from taskrpc.labs.trial import Program, Trial
 from taskrpc.labs.variants import Variant
@@ -224,6 +224,7 @@ async def _prints(trial: Trial) -> None:
                 f"the client sent {_times(len(robot.requests))}",
                 "after which line does the loop have to end?",
             )
+        expect_spun(client)
 
 
 async def _repeats(trial: Trial) -> None:

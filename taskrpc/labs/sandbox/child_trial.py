@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 
 from taskrpc.labs.lab import NotMet
@@ -51,9 +51,9 @@ class ChildTrial:
         return self._folder
 
     @property
-    def has_started_programs(self) -> bool:
-        """Whether a program of the submission ran, so that the result can depend on time."""
-        return bool(self._programs)
+    def programs(self) -> Sequence[ChildProgram]:
+        """The programs that were started."""
+        return self._programs
 
     async def start(self, file: str, *arguments: str) -> ChildProgram:
         """Start a program of the submission; raises NotMet if the file is missing or no Python."""

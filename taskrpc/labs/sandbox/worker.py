@@ -157,7 +157,7 @@ class _Repetition:
 
     def again(self) -> bool:
         """After a check that did not pass: whether to run it once more, in slower time."""
-        if self.trial is not None and not self.trial.has_started_programs:
+        if self.trial is not None and not self.trial.programs:
             return False
         self.pace.second_run()
         self._tell()

@@ -1,14 +1,17 @@
 """The order of checks, and which are not run."""
 
 import contextlib
+from types import SimpleNamespace
 
-from taskrpc.labs.grading import findings
+import pytest
+
+from taskrpc.labs.grading import findings, with_reason
 from taskrpc.labs.lab import Check, Lab, NeedsCheck, NotMet
 
 
 @contextlib.asynccontextmanager
 async def no_trial():
-    yield None
+    yield SimpleNamespace(programs=[])
 
 
 async def passes(trial):
@@ -82,3 +85,35 @@ async def test_a_check_that_passed_or_waits_for_another_one_is_not_run_again():
         Check("a", 1, passes), Check("b", 1, needs_offers), again=lambda: asked.append("again")
     )
     assert asked == []
+
+
+UNSPUN = (
+    "[taskrpc] ROS 2 would never answer a request for /add: no thread spins /lab/adder; spin it"
+)
+UNSPUN_CALL = (
+    "[taskrpc] ROS 2 would hang here for ever: no other thread spins /adder; use call_async"
+)
+
+
+@pytest.mark.parametrize(("line", "node"), [(UNSPUN, "/lab/adder"), (UNSPUN_CALL, "/adder")])
+def test_a_node_that_is_not_spun_is_the_reason_and_gets_the_hint(line, node):
+    programs = [SimpleNamespace(output=["ready"]), SimpleNamespace(output=["ready", line])]
+    found = with_reason(NotMet("a response", "there was none", "see the callback"), programs)
+    assert (found.expected, found.happened) == (
+        "a response",
+        f"there was none; no thread spins {node}",
+    )
+    assert found.look.startswith(f"which line lets the callbacks of {node} run")
+
+
+@pytest.mark.parametrize(
+    ("happened", "line"),
+    [
+        ("there was none", "ready"),
+        ("there was none", "no thread spins /adder"),  # a program can write that, too
+        (UNSPUN.removeprefix("[taskrpc] "), UNSPUN),
+    ],
+)
+def test_another_problem_keeps_its_hint(happened, line):
+    problem = NotMet("a response", happened, "see the callback")
+    assert with_reason(problem, [SimpleNamespace(output=[line])]) is problem
