@@ -146,18 +146,18 @@ def submissions(folder: Path) -> list[Path]:
 
 async def grade_all(
     sources: Sequence[Path], request: Callable[[Path], Request], jobs: int
-) -> AsyncIterator[Graded]:
+) -> AsyncIterator[tuple[Path, Graded]]:
     """Grade submissions, some at the same time; yields each one when it is ready."""
     free = asyncio.Semaphore(jobs)
 
-    async def one(source: Path) -> Graded:
+    async def one(source: Path) -> tuple[Path, Graded]:
         async with free:
             name = source.stem if source.suffix.lower() == ".zip" else source.name
             try:
-                return await grade(request(source), name)
+                return source, await grade(request(source), name)
             except OSError as error:
                 reason = f"cannot be graded: {error.strerror or error}"
-                return Graded(name, None, (), 0.0, reason, 0.0)
+                return source, Graded(name, None, (), 0.0, reason, 0.0)
 
     tasks = [asyncio.ensure_future(one(source)) for source in sources]
     try:

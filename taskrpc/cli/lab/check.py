@@ -12,6 +12,9 @@ from taskrpc.cli.shared.command import Exit, UsageError
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from taskrpc.labs.progress import Progress
     from taskrpc.labs.report import Graded, Result
     from taskrpc.labs.sandbox.worker import Request
 
@@ -155,44 +158,84 @@ def _check_all(options: Namespace) -> Exit:
 
     sources = submissions(Path(options.all))
     confined = _has_sandbox(options)
-    if options.csv in (None, "-"):
-        graded = asyncio.run(_graded(options, sources, confined=confined))
-    else:
-        # Opened first: a table that cannot be written is no news after minutes. Ctrl-C leaves the
-        # former table as it was.
-        table = Path(options.csv)
-        with table.open("a"):
-            graded = asyncio.run(_graded(options, sources, confined=confined))
-        # The mark at the begin tells spreadsheets that it is UTF-8.
-        table.write_text(report.as_csv(graded), encoding="utf-8-sig", newline="")
+    progress = _progress(options, sources)
+    left = [source for source in sources if progress is None or not progress.has(source.name)]
+    results = [] if progress is None else progress.all()
+    if results:
+        done = f"{len(results)} of {len(sources)} submissions are done and have not changed"
+        again = f"to check them again, remove {report.plain(options.csv)}"
+        print(f"{done}; {again}", file=sys.stderr)
+
+    def ready(source: Path, one: Graded) -> None:
+        results.append(one)
+        if progress is not None:
+            progress.add(source.name, one)
+        count = f"{len(results)}/{len(sources)}"
+        # Progress is not part of a table on standard output.
+        stream = sys.stdout if options.csv is None else sys.stderr
+        print(f"{count}  {_line_of(one)}", file=stream, flush=True)
+
+    code = Exit.DONE
+    try:
+        asyncio.run(_grade(options, left, ready, confined=confined))
+    except KeyboardInterrupt:
+        code = Exit.INTERRUPTED
+        goes_on = "--csv FILE would keep them"
+        if options.csv is not None:
+            goes_on = "they are in the table"
+        if progress is not None:
+            goes_on = "the same command goes on with the others"
+        count = f"{len(results)} of {len(sources)}"
+        print(f"interrupted: {count} submissions are done; {goes_on}", file=sys.stderr)
+    results.sort(key=lambda one: one.student)
     if options.csv == "-":
-        print(report.as_csv(graded), end="")
-    for one, remark in zip(graded, report.remarks(graded), strict=True):
+        print(report.as_csv(results), end="")
+    if progress is not None:
+        progress.write()
+    for one, remark in zip(results, report.remarks(results), strict=True):
         if options.csv is None and remark and remark != one.stopped:
             print(f"{report.plain(one.student)}: {report.plain(remark)}")
-    return Exit.DONE
+    return code
 
 
-async def _graded(options: Namespace, sources: list[Path], *, confined: bool) -> list[Graded]:
-    """Grade submissions, and print each result when it is there."""
-    from taskrpc.labs import report
+def _progress(options: Namespace, sources: list[Path]) -> Progress | None:
+    """Return the results of earlier, interrupted runs; None without a file for the table."""
+    from taskrpc.labs.progress import Progress, checksum
+
+    if options.csv in (None, "-"):
+        return None
+    hidden = "" if options.hidden is None else checksum(Path(options.hidden))
+    return Progress(
+        Path(options.csv),
+        {source.name: checksum(source, options.number, hidden) for source in sources},
+    )
+
+
+async def _grade(
+    options: Namespace,
+    sources: list[Path],
+    ready: Callable[[Path, Graded], None],
+    *,
+    confined: bool,
+) -> None:
+    """Grade submissions; `ready` gets each result when it is there."""
     from taskrpc.labs.grader import grade_all
 
     jobs = options.jobs or 2 * (os.cpu_count() or 1)  # most of their time is waiting
-    graded: list[Graded] = []
-    # Progress is not part of a table on standard output.
-    stream = sys.stdout if options.csv is None else sys.stderr
 
     def request(source: Path) -> Request:
         return _request(options, source, confined=confined)
 
-    async for one in grade_all(sources, request, jobs):
-        graded.append(one)
-        points = f"{report.number(one.points)} of {report.number(one.most)}"
-        stopped = f"  {report.plain(one.stopped)}" if one.stopped else ""
-        count = f"{len(graded)}/{len(sources)}"
-        print(f"{count}  {report.plain(one.student)}: {points}{stopped}", file=stream, flush=True)
-    return sorted(graded, key=lambda one: one.student)
+    async for source, one in grade_all(sources, request, jobs):
+        ready(source, one)
+
+
+def _line_of(one: Graded) -> str:
+    from taskrpc.labs import report
+
+    points = f"{report.number(one.points)} of {report.number(one.most)}"
+    stopped = f"  {report.plain(one.stopped)}" if one.stopped else ""
+    return f"{report.plain(one.student)}: {points}{stopped}"
 
 
 def _has_colours() -> bool:

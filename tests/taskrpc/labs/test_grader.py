@@ -60,7 +60,7 @@ async def test_as_many_submissions_as_jobs_are_graded_at_the_same_time(in_memory
     sources = [Path(f"{number}.zip") for number in range(5)]
     found = [
         each.student
-        async for each in grader.grade_all(sources, lambda source: Request(str(source)), 2)
+        async for _, each in grader.grade_all(sources, lambda source: Request(str(source)), 2)
     ]
     assert sorted(found) == ["0", "1", "2", "3", "4"]
     assert in_memory[1] == 2
@@ -76,7 +76,7 @@ async def test_a_failure_of_the_grader_is_not_that_of_the_others(in_memory, monk
     sources = [Path(f"{number}.zip") for number in range(3)]
     found = {
         each.student: each.stopped
-        async for each in grader.grade_all(sources, lambda source: Request(str(source)), 2)
+        async for _, each in grader.grade_all(sources, lambda source: Request(str(source)), 2)
     }
     assert found == {"0": "", "1": "cannot be graded: no memory for a process", "2": ""}
 

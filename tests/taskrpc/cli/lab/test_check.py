@@ -1,7 +1,9 @@
 """The options of `taskrpc lab check`, and what it prints."""
 
+import asyncio
 import csv
 import json
+import signal
 from pathlib import Path
 
 import pytest
@@ -120,15 +122,84 @@ def test_hidden_checks_without_a_sandbox_are_noted(graded, monkeypatch, capsys, 
         assert (words in noted) == bool(why_not)
 
 
-def test_ctrl_c_leaves_a_former_table(graded, monkeypatch):
-    def grade_all(*_):
-        raise KeyboardInterrupt
+def points_of(table):
+    rows = csv.DictReader(table.read_text(encoding="utf-8-sig").splitlines())
+    return {row["student"]: row["points"] for row in rows}
 
-    monkeypatch.setattr(grader, "grade_all", grade_all)
+
+@pytest.fixture
+def graded_now(monkeypatch):
+    """The students who were graded, in order; Ctrl-C is typed before the third one."""
+    names = []
+    original = grader.grade
+
+    async def grade(request, student, on_result=lambda _: None):
+        if len(names) == 2:
+            names.append("Ctrl-C")
+            for _ in range(10):  # until the command has the results of the others
+                await asyncio.sleep(0)
+            signal.raise_signal(signal.SIGINT)
+            await asyncio.Event().wait()
+        names.append(student)
+        return await original(request, student, on_result)
+
+    monkeypatch.setattr(grader, "grade", grade)
+    return names
+
+
+def check_class(graded, *more):
+    return main(["lab", "check", "--all", str(graded / "class"), "--jobs", "1", *more])
+
+
+def test_interrupted_grading_keeps_what_is_done_and_the_same_command_continues(
+    graded, graded_now, capsys
+):
+    (graded / "class" / "ada" / "server.py").write_text("pass")
     table = graded / "points.csv"
-    table.write_text("former")
-    assert main(["lab", "check", "--all", str(graded / "class"), "--csv", str(table)]) == 130
-    assert table.read_text() == "former"
+    assert check_class(graded, "--csv", str(table)) == 130
+    assert points_of(table) == {"ada": "3", "bob": "3"}
+    error = capsys.readouterr().err.splitlines()
+    assert error[-1] == (
+        "interrupted: 2 of 3 submissions are done; the same command goes on with the others"
+    )
+    graded_now.append("second run")
+    assert check_class(graded, "--csv", str(table)) == 0
+    assert graded_now[3:] == ["second run", "eve"]
+    assert points_of(table) == {"ada": "3", "bob": "3", "eve": "0"}
+    error = capsys.readouterr().err.splitlines()
+    assert error[0].startswith("2 of 3 submissions are done and have not changed; to check them")
+    assert error[1:] == ["3/3  eve: 0 of 4  it is too large"]
+
+
+def test_only_changed_and_stopped_submissions_are_graded_again(graded, monkeypatch, graded_now):
+    table = graded / "points.csv"
+    graded_now += ["", "", ""]
+    assert check_class(graded, "--csv", str(table)) == 0
+    (graded / "class" / "bob" / "server.py").write_text("pass")
+    assert check_class(graded, "--csv", str(table)) == 0
+    assert graded_now[3:] == ["ada", "bob", "eve", "bob", "eve"]  # eve's is too large
+    table.unlink()
+    assert check_class(graded, "--csv", str(table)) == 0
+    assert graded_now[8:] == ["ada", "bob", "eve"]
+
+
+def test_another_lab_or_other_hidden_checks_are_graded_anew(graded, graded_now):
+    table, hidden = graded / "points.csv", graded / "hidden" / "lab1" / "hidden.py"
+    hidden.parent.mkdir(parents=True)
+    graded_now += ["", "", ""]
+    assert check_class(graded, "1", "--csv", str(table)) == 0
+    for text in ("CHECKS = ()", "from taskrpc.labs.lab import Check\nCHECKS = (Check('', 1, id),)"):
+        del graded_now[3:]
+        hidden.write_text(f"{text}\n")
+        check_class(graded, "1", "--csv", str(table), "--hidden", str(hidden.parents[1]))
+    assert graded_now[3:] == ["ada", "bob", "eve"]
+
+
+def test_an_interruption_without_a_file_says_how_many_are_done(graded, graded_now, capsys):
+    assert check_class(graded, "--csv") == 130
+    captured = capsys.readouterr()
+    assert [row["student"] for row in csv.DictReader(captured.out.splitlines())] == ["ada", "bob"]
+    assert "interrupted: 2 of 3 submissions are done; they are in the table" in captured.err
 
 
 def test_a_table_on_standard_output_is_not_mixed_with_progress(graded, capsys):
