@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import unicodedata
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -19,6 +18,8 @@ class About(msgspec.Struct, frozen=True, tag="about"):
         lab: the number of the lab.
         variant: the ID of the student's variant.
         digest: the same for submissions with the same files; "" for unchanged starter files.
+        structure: the same for submissions that differ in names, comments and layout only; ""
+            like `digest`.
         notes: what was left out of the submission, and why.
     """
 
@@ -26,6 +27,7 @@ class About(msgspec.Struct, frozen=True, tag="about"):
     variant: str
     digest: str = ""
     notes: tuple[str, ...] = ()
+    structure: str = ""
 
 
 class Result(msgspec.Struct, frozen=True, tag="result"):
@@ -181,13 +183,12 @@ def _gradescope_test(result: Result) -> dict[str, Any]:
 
 def remarks(all_graded: Sequence[Graded]) -> list[str]:
     """Return what the lecturer should know about each submission."""
-    digests = Counter(each.about.digest for each in all_graded if each.about)
     remarks = []
     for one in all_graded:
         found = [one.stopped] if one.stopped else []
         found += _repeated(one)
         if one.about:
-            found += _shared(one, one.about, all_graded, digests)
+            found += _shared(one, one.about, all_graded)
             found += one.about.notes
         remarks.append("; ".join(found))
     return remarks
@@ -202,9 +203,7 @@ def _repeated(one: Graded) -> list[str]:
     return [f"{remark}: {', '.join(found)}" for remark, found in titles.items()]
 
 
-def _shared(
-    one: Graded, about: About, all_graded: Sequence[Graded], digests: Counter[str]
-) -> list[str]:
+def _shared(one: Graded, about: About, all_graded: Sequence[Graded]) -> list[str]:
     found = []
     others = [each for each in all_graded if each is not one and each.about]
     same_variant = [
@@ -215,9 +214,16 @@ def _shared(
             found.append(f"has the variant of {about.variant}")
         elif same_variant:
             found.append(f"has the same variant as {_names(same_variant)}")
-    if about.digest and digests[about.digest] > 1:
-        same = [each.student for each in others if each.about and each.about.digest == about.digest]
-        found.append(f"identical files: {_names(same)}")
+    files = [each for each in others if each.about and about.digest == each.about.digest != ""]
+    if files:
+        found.append(f"identical files: {_names([each.student for each in files])}")
+    programs = [
+        each.student
+        for each in others
+        if each.about and about.structure == each.about.structure != "" and each not in files
+    ]
+    if programs:
+        found.append(f"identical except for names, comments and layout: {_names(programs)}")
     return found
 
 

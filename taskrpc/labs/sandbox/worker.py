@@ -27,6 +27,7 @@ from taskrpc.labs.report import About, Line, Result, Slower, Stopped
 from taskrpc.labs.sandbox import child_trial, speed
 from taskrpc.labs.sandbox.limits import MEGABYTE, Limits, limit_this_process
 from taskrpc.labs.sandbox.pace import Pace
+from taskrpc.labs.similarity import structure
 from taskrpc.labs.starter import RECORD, read_record, starter_files
 from taskrpc.labs.submission import find_lab, find_root, remove, take
 from taskrpc.labs.trial import Trial
@@ -114,7 +115,9 @@ async def _graded(request: Request, base: Path, report: Callable[[Line], None]) 
     number, id = _identity(request, record)
     lab, variant = catalogue.lab(number), Variant(id)
     root = find_root(part, [RECORD, *lab.files])
-    report(About(number, id, _digest(lab, variant, root), tuple(notes)))
+    digest = _digest(lab, variant, root)
+    alike = _digest(lab, variant, root, structure)
+    report(About(number, id, digest, tuple(notes), alike))
     shown = len(lab.checks)
     if request.hidden is not None:
         lab = with_checks(lab, hidden_checks(Path(request.hidden), lab))
@@ -246,17 +249,27 @@ def _identity(request: Request, record: tuple[int, str] | None) -> tuple[int, st
     return number, record[1][:_LONGEST_ID] if record else ""
 
 
-def _digest(lab: Lab, variant: Variant, root: Path) -> str:
-    """Return the same text for submissions with the same files, "" for the starter files."""
+def _lines(data: bytes) -> bytes:
+    """Return a file with the line ends of this system."""
+    return b"\n".join(data.splitlines())
+
+
+def _digest(lab: Lab, variant: Variant, root: Path, form: Callable[[bytes], bytes] = _lines) -> str:
+    """Return the same text for submissions with the same files, "" for the starter files.
+
+    Args:
+        lab: the lab.
+        variant: of the student.
+        root: the folder of the submission.
+        form: returns what is compared of a file.
+    """
     found = hashlib.sha256()
     changed = False
     texts = starter_files(lab, variant)
     for name in sorted(texts):
         path = root / name
-        data = path.read_bytes() if path.is_file() else b""
-        changed = changed or b"\n".join(data.splitlines()) != b"\n".join(
-            texts[name].encode().splitlines()
-        )
+        data = form(path.read_bytes() if path.is_file() else b"")
+        changed = changed or data != form(texts[name].encode())
         found.update(b"%d " % len(data) + data)
     return found.hexdigest() if changed else ""
 

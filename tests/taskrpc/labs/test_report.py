@@ -23,9 +23,17 @@ WAITS = Result("the client prints", 2, False, waits_for="the server logs")
 
 
 def graded(
-    *results, student="ada", variant="", digest="", stopped="", notes=(), about=True, most=6.5
+    *results,
+    student="ada",
+    variant="",
+    digest="",
+    structure="",
+    stopped="",
+    notes=(),
+    about=True,
+    most=6.5,
 ):
-    found = About(1, variant, digest, tuple(notes)) if about else None
+    found = About(1, variant, digest, tuple(notes), structure) if about else None
     return Graded(student, found, results, most, stopped, 1.25)
 
 
@@ -136,3 +144,23 @@ def test_a_check_that_ran_twice_is_remarked():
     assert lines_of(failed)[2] == "      happened: none (failed twice)"
     found = remarks([graded(passed, failed, other)])
     assert found == [f"{busy}: it adds, it waits; failed twice: it logs"]
+
+
+def test_the_same_program_with_other_names_is_remarked():
+    some = [
+        graded(student="ada", digest="1", structure="s"),
+        graded(student="bob", digest="1", structure="s"),
+        graded(student="cy", digest="2", structure="s"),
+        graded(student="dora", digest="3", structure="t"),
+        graded(student="eve"),
+        graded(student="fay"),
+    ]
+    renamed = "identical except for names, comments and layout"
+    assert remarks(some) == [
+        f"identical files: bob; {renamed}: cy",
+        f"identical files: ada; {renamed}: cy",
+        f"{renamed}: ada, bob",
+        "",
+        "",
+        "",
+    ]
