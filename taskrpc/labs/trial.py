@@ -50,8 +50,15 @@ class Trial(Protocol):
     def programs(self) -> Sequence[Program]:
         """The programs that were started."""
 
-    async def start(self, file: str, *arguments: str) -> Program:
-        """Start a program of the submission; raises NotMet if the file is missing."""
+    async def start(self, file: str, *arguments: str, interleaved: bool = False) -> Program:
+        """Start a program of the submission; raises NotMet if the file is missing.
+
+        Args:
+            file: its path in the folder.
+            arguments: of its command line.
+            interleaved: whether callbacks that run at the same time in several threads take turns
+                at each step, so that a missing lock shows.
+        """
 
     def time(self) -> float:
         """Return the seconds since a moment in the past."""

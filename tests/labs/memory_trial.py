@@ -56,7 +56,7 @@ class MemoryTrial:
         self._functions = programs
         self.programs = []
 
-    async def start(self, file, *arguments):
+    async def start(self, file, *arguments, interleaved=False):
         if file not in self._functions:
             raise NotMet(f"a file {file}", "there is none", "did you rename it?")
         self.programs.append(MemoryProgram(self._functions[file], arguments))

@@ -34,8 +34,11 @@ class TabTrial:
         self.programs: list[Program] = []
         """The programs that were started."""
 
-    async def start(self, file: str, *arguments: str) -> Program:
-        """Start a program of the submission; raises NotMet if the file is missing."""
+    async def start(self, file: str, *arguments: str, interleaved: bool = False) -> Program:
+        """Start a program of the submission; raises NotMet if the file is missing.
+
+        Threads of a tab never interrupt each other, so `interleaved` changes nothing.
+        """
         if not (FOLDER / file).is_file():
             raise NotMet(f"a file {file}", "there is none", "does it have another name?")
         program = self._programs.start(file, *arguments)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import msgspec
 
-from taskrpc.labs.sandbox import speed
+from taskrpc.labs.sandbox import interleaving, speed
 from taskrpc.labs.sandbox.limits import CONFINED, LIMITS, limit_this_process
 
 
@@ -29,6 +29,7 @@ class Start(msgspec.Struct, frozen=True):
         confined: whether it runs in a sandbox.
         speed: how much faster its time passes.
         wall: the wall clock of the process that checks: see `speed.set_speed`.
+        interleaved: whether its callbacks take turns at each step: see `interleaving`.
         ready: a file to make once everything is imported; "" for none.
     """
 
@@ -39,6 +40,7 @@ class Start(msgspec.Struct, frozen=True):
     confined: bool = False
     speed: float = 1.0
     wall: tuple[int, int] | None = None
+    interleaved: bool = False
     ready: str = ""
 
 
@@ -81,6 +83,8 @@ def run(start: Start) -> int:
     for stream in (sys.stdout, sys.stderr):
         # As on a terminal: the checks see each line when the program writes it.
         stream.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore[union-attr]
+    if start.interleaved:
+        interleaving.install(Path(start.file).resolve().parent)
     limit_this_process(CONFINED if start.confined else LIMITS)
     try:
         return runner.run_script(Path(start.file), start.arguments)

@@ -55,7 +55,7 @@ class ChildTrial:
         """The programs that were started."""
         return self._programs
 
-    async def start(self, file: str, *arguments: str) -> ChildProgram:
+    async def start(self, file: str, *arguments: str, interleaved: bool = False) -> ChildProgram:
         """Start a program of the submission; raises NotMet if the file is missing or no Python."""
         path = self._folder / file
         if not path.is_file():
@@ -67,7 +67,13 @@ class ChildTrial:
             )
         _check_syntax(path, file)
         program = ChildProgram()
-        start = Start(file, arguments, speed=speed.speed(), wall=speed.wall_clock())
+        start = Start(
+            file,
+            arguments,
+            speed=speed.speed(),
+            wall=speed.wall_clock(),
+            interleaved=interleaved,
+        )
         await program.run(self._starter, start)
         self._programs.append(program)
         return program

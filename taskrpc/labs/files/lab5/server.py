@@ -6,6 +6,8 @@ from queue import PriorityQueue
 
 import rclpy
 from my_robot_interfaces.srv import RobotTask
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
 # The types of tasks, and how many seconds each takes.
@@ -16,12 +18,14 @@ TARGETS = ["@TARGET_1@", "@TARGET_2@", "@TARGET_3@"]
 class TaskServer(Node):
     def __init__(self):
         super().__init__("task_server")
+        self.group = ReentrantCallbackGroup()
         self.queue = PriorityQueue()
         self.lock = threading.Lock()
         self.last_id = 0
         self.busy_until = 0.0
         # 1. Create the service "@SERVICE@" of the type RobotTask.
-        #    Its callback is self.handle_task.
+        #    Its callback is self.handle_task, its callback_group is self.group:
+        #    four threads run the callback at the same time.
         # 2. Start a thread that runs self.work. The program must be able to end
         #    although this thread never does: see the argument `daemon`.
 
@@ -29,7 +33,8 @@ class TaskServer(Node):
         # 3. Refuse a task if its type is not in SECONDS, its target not in TARGETS,
         #    or its priority not 1 to 10: success is False, task_id is -1,
         #    estimated_time is 0.0, and the message contains the wrong value.
-        # 4. Give an accepted task the next id: 1, 2, 3 and so on.
+        # 4. Give an accepted task the next id: 1, 2, 3 and so on. Hold self.lock from
+        #    reading the counter to writing it.
         # 5. Put it into the queue as one tuple. A PriorityQueue gives its smallest
         #    tuple first. The task with the highest priority must come first; of two
         #    equal ones, the one that was accepted first.
@@ -56,7 +61,7 @@ def main():
     rclpy.init()
     node = TaskServer()
     try:
-        rclpy.spin(node)
+        rclpy.spin(node, MultiThreadedExecutor(4))
     except KeyboardInterrupt:
         pass
 

@@ -5,6 +5,8 @@ from queue import PriorityQueue
 
 import rclpy
 from my_robot_interfaces.srv import RobotTask
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
 from rclpy.node import Node
 
 SECONDS = {"@LONG@": @LONG_SECONDS@, "@MIDDLE@": @MIDDLE_SECONDS@, "@SHORT@": @SHORT_SECONDS@}
@@ -14,11 +16,12 @@ TARGETS = ["@TARGET_1@", "@TARGET_2@", "@TARGET_3@"]
 class TaskServer(Node):
     def __init__(self):
         super().__init__("task_server")
+        group = ReentrantCallbackGroup()
         self.queue = PriorityQueue()
         self.lock = threading.Lock()
         self.last_id = 0
         self.busy_until = 0.0
-        self.srv = self.create_service(RobotTask, "@SERVICE@", self.handle_task)
+        self.srv = self.create_service(RobotTask, "@SERVICE@", self.handle_task, callback_group=group)
         threading.Thread(target=self.work).start()
 
     def handle_task(self, request, response):
@@ -66,7 +69,7 @@ def main():
     rclpy.init()
     node = TaskServer()
     try:
-        rclpy.spin(node)
+        rclpy.spin(node, MultiThreadedExecutor(4))
     except KeyboardInterrupt:
         pass
 
