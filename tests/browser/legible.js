@@ -1,12 +1,16 @@
 // Returns, as sentences, what cannot be read on a page. Drawings that move, such as the marks of calls, come and go.
+// The argument is a selector of what a reader scrolls on purpose, such as an editor.
+const [scrolled] = arguments;
 const SLACK = 2, COVERED = 0.05;
 const faults = [];
 const name = node => {
     const text = node.textContent.trim().replace(/\s+/g, " ").slice(0, 60);
     return `${node.tagName.toLowerCase()}${node.id && "#" + node.id}.${node.classList} "${text}"`;
 };
+const isScrolled = node => Boolean(scrolled && node.closest(scrolled));
 const seen = node => node.checkVisibility({visibilityProperty: true, opacityProperty: true})
-    && !node.closest(".visually_hidden, .moving, .slow, noscript, script, style, option, datalist");
+    && !node.closest(".visually_hidden, .moving, .slow, noscript, script, style, option, datalist")
+    && !isScrolled(node);
 const page = {left: 0, top: 0, right: innerWidth, bottom: innerHeight};
 
 // The part of a node that its ancestors let through.
@@ -39,11 +43,19 @@ for (let text; (text = walker.nextNode());) {
     if (isCut) faults.push(`the text of ${name(node)} is cut off`);
 }
 for (const node of document.querySelectorAll("html, body, body *")) {
-    if (!node.checkVisibility() || node.closest(".visually_hidden, svg")) continue;
+    if (!node.checkVisibility() || node.closest(".visually_hidden, svg") || isScrolled(node)) continue;
     const {overflowX, overflowY} = getComputedStyle(node);
     const scrolls = way => ["auto", "scroll"].includes(way);
     const high = node.scrollHeight > node.clientHeight + 1, wide = node.scrollWidth > node.clientWidth + 1;
     if ((scrolls(overflowY) && high) || (scrolls(overflowX) && wide)) faults.push(`${name(node)} scrolls`);
+}
+for (const field of document.querySelectorAll("select")) {
+    if (!seen(field)) continue;
+    const copy = field.cloneNode(true); // as wide as the longest option
+    Object.assign(copy.style, {position: "absolute", width: "auto", maxWidth: "none"});
+    field.after(copy);
+    if (copy.offsetWidth > field.offsetWidth + SLACK) faults.push(`the longest option of select#${field.id} is cut off`);
+    copy.remove();
 }
 
 const lines = document.querySelectorAll("#calls .lane_lines path");

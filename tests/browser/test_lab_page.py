@@ -14,6 +14,7 @@ from taskrpc.labs.catalogue import lab
 from taskrpc.labs.starter import filled
 from taskrpc.labs.variants import Variant
 from tests.browser.chromium import PATIENCE, Tabs, chromium
+from tests.browser.legible import SIZES, all_faults, faults
 from tests.javascript.pyodide import archives
 from tests.labs.submissions import solution_of
 
@@ -213,6 +214,28 @@ def test_the_robot_drives_to_a_click_on_the_map(page):
         " {clientX: box.x + box.width * .3, clientY: box.y + box.height * .6, bubbles: true}))"
     )
     page.tab.wait(lambda: page.tab.text("#pose") != before, "the robot to move")
+
+
+SCROLLED = "#editor, #output_panel .scroll"
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+@pytest.mark.parametrize("version", ["rclpy", "async"])
+def test_text_and_files_of_each_lab_can_be_read(page, number, version):
+    page.tab.run("page.open(arguments[0]); page.open_version(arguments[1])", number, version)
+    found = all_faults(page.tab, f"lab {number}", version, scrolled=SCROLLED)
+    assert not found, "\n".join(found)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_findings_of_a_check_can_be_read(page, size):
+    page.tab.size(*SIZES[size])
+    page.write_solution()
+    text = (SOLUTION / "server.py").read_text(encoding="utf-8").replace("@SERVICE@", "add_two_ints")
+    page.write("server.py", text.replace("        return response\n", ""))
+    page.check()
+    found = faults(page.tab, SCROLLED)
+    assert not found, "\n".join(found)
 
 
 @pytest.mark.parametrize("theme", ["light", "dark"])

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import re
+from contextlib import closing
 
 import pytest
 from selenium.webdriver.common.keys import Keys
 
+from taskrpc.turtlesim.drawing.web_view import WebView
+from taskrpc.turtlesim.world import CENTRE, World
 from tests.browser.chromium import PHONE
+from tests.browser.legible import all_faults
 from tests.taskrpc.turtlesim.running import turtlesim_in
 
 REFUSED = ("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET")
@@ -146,3 +150,24 @@ def test_page_is_accessible_and_fits_a_phone(simulator, tabs, scheme):
     tab.click("#theme")
     assert tab.run(_BACK) != before
     tab.run("localStorage.clear()")
+
+
+@pytest.mark.parametrize("names", [(), ("turtle1",), ("a_turtle_with_a_long_name", "turtle1")])
+@pytest.mark.parametrize("is_for_control", [True, False])
+def test_page_can_be_read_and_fits_a_projector_and_a_laptop(tabs, names, is_for_control):
+    world = World()
+    for number in range(len(names) and 40):
+        name = names[number] if number < len(names) else f"turtle_{number}"
+        world.spawn(name, CENTRE, CENTRE, -3.0).set_pen((255, 196, 61), 5, off=False)
+    with closing(WebView(0)) as view:
+        tab = tabs.open(view.url if is_for_control else view.url.partition("#")[0])
+
+        def drawn():
+            view.show(world, (69, 86, 255), "/turtlesim")
+            return len(tab.texts("#poses tr")) == min(len(names) and 40, 12)
+
+        tab.find('[data-state="live"]')
+        tab.wait(drawn, "the turtles")
+        found = all_faults(tab)
+        tab.open("about:blank")
+    assert not found, "\n".join(found)

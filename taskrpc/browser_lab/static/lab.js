@@ -52,6 +52,7 @@ class Page {
     byId("lab_goal").replaceChildren(...marked(this.lab.goal));
     byId("steps").replaceChildren(...this.lab.steps.map((step) => element("li", ...marked(step))));
     byId("checks").hidden = true;
+    byId("task").open = true;
     document.title = `Lab ${this.lab.number}: ${this.lab.title}`;
     byId("version").hidden = !this.lab.async_files.length;
     this.open_version(this.can_wait === false ? "async" : "rclpy");
@@ -60,7 +61,7 @@ class Page {
   open_version(version) {
     this.files = new Files(this.lab, version);
     byId("version").value = version;
-    byId("tabs").replaceChildren(...this.files.names.map((name) => element("button", { role: "tab", "data-file": name, "aria-controls": "editor", onclick: () => this.show(name) }, name)));
+    byId("tabs").replaceChildren(...this.files.names.map((name) => element("button", { role: "tab", "data-file": name, title: name, "aria-controls": "editor", onclick: () => this.show(name) }, label(name, this.files.names))));
     byId("tabs").onkeydown = (event) => this.tab_key(event);
     this.arguments = new Map(this.files.starters.filter((file) => file.arguments).map((file) => [file.name, argument_field(file)]));
     byId("programs").replaceChildren();
@@ -241,6 +242,8 @@ class Page {
   on_checked({ passed, total }) {
     this.checking = false;
     byId("findings").append(element("li.total", { "data-tone": passed === total ? "good" : "quiet" }, passed === total ? `All ${total} checks passed.` : `${passed} of ${total} checks passed.`));
+    const text = byId("task").parentElement;
+    if (text.scrollHeight > text.clientHeight) byId("task").open = false; // the findings need the room
     byId("findings").lastChild.scrollIntoView({ block: "nearest", behavior: calm.matches ? "auto" : "smooth" });
   }
 
@@ -293,6 +296,12 @@ class Page {
     if (this.running.size || this.busy) this.show_state();
     requestAnimationFrame(() => this.frame());
   }
+}
+
+/** Return what the tab of a file shows: its name without folders, unless another file has the same. */
+function label(name, names) {
+  const last = (each) => each.split("/").at(-1);
+  return names.filter((each) => last(each) === last(name)).length > 1 ? name : last(name);
 }
 
 /** Return the field for the arguments of a program. */
