@@ -12,7 +12,7 @@ from . import process
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 SOURCE = """\
-a definition file, a package folder, a folder of packages, or the name of a type or
+A definition file, a package folder, a folder of packages, or the name of a type or
 package that can be found"""
 
 
@@ -38,10 +38,8 @@ class Parser(argparse.ArgumentParser):
 
 def root() -> tuple[Parser, Commands]:
     """The parser of `srvgen`, and the object to which commands are added."""
-    parser = Parser(
-        prog="srvgen", description="ROS 2 interface definitions in Python, without ROS."
-    )
-    what = "print the version and exit"
+    parser = Parser(prog="srvgen", description="ROS 2 interface definitions in Python, without ROS")
+    what = "Print the version and exit"
     parser.add_argument("--version", action=_Version, nargs=0, help=what)
     return parser, parser.add_subparsers(title="commands", metavar="COMMAND")
 
@@ -56,7 +54,7 @@ def add_command(commands: Commands, name: str, purpose: str) -> Parser:
         type=_folder,
         action="append",
         default=[],
-        help="search this folder for packages first (may be repeated)",
+        help="Search this folder for packages first (may be repeated)",
     )
     return command
 
@@ -78,7 +76,9 @@ def with_type(commands: Commands, name: str, purpose: str) -> Parser:
     """Add a command that works on one type."""
     command = add_command(commands, name, purpose)
     command.add_argument(
-        "type", metavar="TYPE", help="such as example_interfaces/srv/AddTwoInts, or its file"
+        "type",
+        metavar="TYPE",
+        help="A type, such as example_interfaces/srv/AddTwoInts, or its file",
     )
     return command
 

@@ -83,49 +83,49 @@ def _run(argv: Sequence[str]) -> int:
 def _parser() -> Parser:
     parser, commands = root()
     _add_generate(commands)
-    check = with_sources(commands, "check", "report every problem in definitions", default=".")
-    check.add_argument("--json", action="store_true", help="one JSON line per problem")
+    check = with_sources(commands, "check", "Report every problem in definitions", default=".")
+    check.add_argument("--json", action="store_true", help="One JSON line per problem")
     check.set_defaults(run="check")
-    correct = "correct mistakes with one possible correction, and report the others"
+    correct = "Correct mistakes with one possible correction, and report the others"
     fix = with_sources(commands, "fix", correct)
     fix.add_argument(
-        "--dry-run", action="store_true", help="write nothing; print what would change as a diff"
+        "--dry-run", action="store_true", help="Write nothing; print what would change as a diff"
     )
     fix.set_defaults(run="fix")
-    describe = with_sources(commands, "describe", "print definitions as JSON")
-    describe.add_argument("--json", action="store_true", help="one line per interface")
+    describe = with_sources(commands, "describe", "Print definitions as JSON")
+    describe.add_argument("--json", action="store_true", help="One line per interface")
     describe.set_defaults(run="print_descriptions")
     _add_show(commands)
-    digest = with_type(commands, "hash", "print the RIHS01 hash of a type")
-    digest.add_argument("--json", action="store_true", help="as a JSON object")
+    digest = with_type(commands, "hash", "Print the RIHS01 hash of a type")
+    digest.add_argument("--json", action="store_true", help="As a JSON object")
     digest.set_defaults(run="print_hash")
     _add_stubs(commands)
     return parser
 
 
 def _add_generate(commands: Commands) -> None:
-    command = with_sources(commands, "generate", "write importable Python packages")
+    command = with_sources(commands, "generate", "Write importable Python packages")
     command.add_argument(
-        "-o", dest="out", metavar="OUT", type=Path, required=True, help="the folder to write to"
+        "-o", dest="out", metavar="OUT", type=Path, required=True, help="The folder to write to"
     )
     command.add_argument(
-        "--check", action="store_true", help="write nothing; exit 1 if the output would differ"
+        "--check", action="store_true", help="Write nothing; exit 1 if the output would differ"
     )
     command.set_defaults(run="write_packages")
 
 
 def _add_show(commands: Commands) -> None:
-    command = with_type(commands, "show", "print a definition with its nested definitions")
+    command = with_type(commands, "show", "Print a definition with its nested definitions")
     which = command.add_mutually_exclusive_group()
     which.add_argument(
-        "--all-comments", action="store_true", help="show the comments of nested definitions too"
+        "--all-comments", action="store_true", help="Show the comments of nested definitions too"
     )
-    which.add_argument("--no-comments", action="store_true", help="show no comments")
+    which.add_argument("--no-comments", action="store_true", help="Show no comments")
     command.set_defaults(run="print_definition")
 
 
 _STUBS = """\
-write stubs (.pyi), so that editors and type checkers know the classes and fields that the import
+Write stubs (.pyi), so that editors and type checkers know the classes and fields that the import
 hook and srvgen.load provide"""
 _STUBS_NOTES = """\
 Pyright and Pylance find ./typings; for mypy, set mypy_path = "typings". The stubs also type
@@ -135,13 +135,13 @@ have no Python files, so you can turn that warning off."""
 
 
 def _add_stubs(commands: Commands) -> None:
-    command = add_command(commands, "stubs", "write stubs for editors and type checkers")
+    command = add_command(commands, "stubs", "Write stubs for editors and type checkers")
     command.description, command.epilog = _STUBS, _STUBS_NOTES
     command.add_argument(
         "names",
         metavar="TYPE|PACKAGE",
         nargs="*",
-        help="write stubs for these and their dependencies (default: all packages found)",
+        help="Write stubs for these and their dependencies (default: all packages found)",
     )
     command.add_argument(
         "-o",
@@ -149,7 +149,7 @@ def _add_stubs(commands: Commands) -> None:
         metavar="DIR",
         type=Path,
         default=Path("typings"),
-        help="the folder to write to (default: typings)",
+        help="The folder to write to (default: typings)",
     )
     command.set_defaults(run="write_stubs")
 

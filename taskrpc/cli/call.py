@@ -115,14 +115,14 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     positive = number("greater than zero", lambda value: value > 0)
     what = "Repeat the call at a specific rate in Hz"
     add("-r", "--rate", metavar="N", type=positive, help=what)
-    what = "Call this many times (once; with --rate until interrupted)"
+    what = "Call this many times (default: once; with --rate until interrupted)"
     add("--count", metavar="N", type=whole(1), default=0, help=what)
-    what = f"Seconds for waiting and the call together ({_DEFAULT_TIMEOUT:g}); 0 or inf: no limit"
+    what = f"Seconds for waiting and the call; 0 or inf: no limit (default: {_DEFAULT_TIMEOUT:g})"
     add("--timeout", metavar="S", type=_time_limit, default=_DEFAULT_TIMEOUT, help=what)
-    what = "Repeat a failed call up to N times, if repeating is safe (0)"
+    what = "Repeat a failed call up to N times, if repeating is safe (default: 0)"
     add("--retries", metavar="N", type=whole(0), default=0, help=what)
     what = (
-        "The id of this request. Repeating a request with the same id returns the stored response,"
+        "The id of this request; repeating a request with the same id returns the stored response,"
         " also from another program (exactly-once services)"
     )
     add("--request-id", metavar="ID", default="", help=what)

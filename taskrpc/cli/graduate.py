@@ -14,13 +14,13 @@ from taskrpc.errors import TaskRpcError
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give the parser of `taskrpc graduate` its arguments."""
-    what = "a Python file, or a folder with programs and packages"
+    what = "A Python file, or a folder with programs and packages"
     parser.add_argument("path", metavar="FILE|FOLDER", help=what)
     which = parser.add_mutually_exclusive_group()
-    which.add_argument("--json", action="store_true", help="print a JSON array of the findings")
-    what = "run the file here and with the real ROS 2 of this computer, with these arguments"
+    which.add_argument("--json", action="store_true", help="Print a JSON array of the findings")
+    what = "Run the file here and with the real ROS 2 of this computer, with these arguments"
     which.add_argument("--run", metavar="ARGS", dest="both", nargs=argparse.REMAINDER, help=what)
-    what = "before --run: seconds after which a program that still runs gets Ctrl-C (10)"
+    what = "Before --run: seconds after which a program that still runs gets Ctrl-C (default: 10)"
     positive = number("above 0", lambda n: n > 0)
     parser.add_argument("--timeout", metavar="S", type=positive, default=10.0, help=what)
     parser.set_defaults(run=_graduate)

@@ -28,11 +28,11 @@ _WITHOUT_TASKS = "taskrpc service type NAME", "taskrpc topic list"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `join`."""
-    what = "the join string that the lecturer gave you; - reads it from standard input"
+    what = "The join string that the lecturer gave you; - reads it from standard input"
     parser.add_argument("join_string", nargs="?", metavar="STRING", help=what)
-    what = "print which lab you have joined, and whether its server answers"
+    what = "Print which lab you have joined, and whether its server answers"
     parser.add_argument("--status", action="store_true", help=what)
-    parser.add_argument("--leave", action="store_true", help="forget the lab that you have joined")
+    parser.add_argument("--leave", action="store_true", help="Forget the lab that you have joined")
     parser.set_defaults(run=_run)
 
 

@@ -30,27 +30,27 @@ def configure(parser: Parser) -> None:
     """Give the parser of `taskrpc launch` its arguments."""
     parser.usage = _USAGE
     parser.mixed = True
-    parser.add_argument("target", metavar="PACKAGE", help="a package, or the path of a launch file")
-    what = "the launch file's name, without its folder; then arguments, as NAME:=VALUE"
+    parser.add_argument("target", metavar="PACKAGE", help="A package, or the path of a launch file")
+    what = "The launch file's name, without its folder; then arguments, as NAME:=VALUE"
     parser.add_argument("rest", metavar="FILE", nargs="*", help=what)
-    what = "tell the launch file that no terminal is attached; nothing else changes"
+    what = "Tell the launch file that no terminal is attached; nothing else changes"
     parser.add_argument("-n", "--noninteractive", action="store_true", help=what)
-    what = "print tracebacks of errors in launch files"
+    what = "Print tracebacks of errors in launch files"
     parser.add_argument("-d", "--debug", action="store_true", help=what)
     shown = parser.add_mutually_exclusive_group()
-    what = "print the actions of the launch file, and start nothing"
+    what = "Print the actions of the launch file, and start nothing"
     shown.add_argument(
         *("-p", "--print", "--print-description"), dest="print", action="store_true", help=what
     )
-    what = "print the arguments of the launch file, and start nothing"
+    what = "Print the arguments of the launch file, and start nothing"
     shown.add_argument(
         *("-s", "--show-args", "--show-arguments"), dest="show", action="store_true", help=what
     )
-    what = "show the output of all programs, also if the launch file hides it"
+    what = "Show the output of all programs, also if the launch file hides it"
     parser.add_argument("-a", "--show-all-subprocesses-output", action="store_true", help=what)
-    what = "put this command before the command of each program, such as 'gdb -ex run --args'"
+    what = "Put this command before the command of each program, such as 'gdb -ex run --args'"
     parser.add_argument("--launch-prefix", metavar="COMMAND", help=what)
-    what = "use --launch-prefix only for programs whose names match this regular expression"
+    what = "Use --launch-prefix only for programs whose names match this regular expression"
     parser.add_argument("--launch-prefix-filter", metavar="REGEX", help=what)
     parser.set_defaults(run=_run)
 

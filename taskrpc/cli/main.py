@@ -124,10 +124,10 @@ def parser_of(command: str) -> Parser:
 
     from taskrpc.cli.shared.parsing import Parser, add_command, add_group
 
-    parser = Parser(prog="taskrpc", description="ROS 2 services without ROS.")
+    parser = Parser(prog="taskrpc", description="ROS 2 services without ROS")
     parser.formatter_class = RawDescriptionHelpFormatter
     parser.epilog = _overview()
-    parser.add_argument("--version", action="store_true", help="print the version and exit")
+    parser.add_argument("--version", action="store_true", help="Print the version and exit")
     commands = add_group(parser)
     commands.help = SUPPRESS  # argparse would list all commands under one heading
     parser.usage = "taskrpc [-h] [--version] COMMAND ..."  # after the group, which takes it over
@@ -154,7 +154,6 @@ def _overview() -> str:
         lines.append("")
     lines += [
         "Call `taskrpc COMMAND -h` for more detailed usage.",
-        "A value in parentheses, such as (10), is a default.",
     ]
     return "\n".join(lines)
 

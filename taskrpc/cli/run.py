@@ -18,17 +18,17 @@ taskrpc ros enable"""
 def configure(parser: ArgumentParser) -> None:
     """Give the parser of `taskrpc run` its arguments."""
     parser.usage, parser.epilog = _USAGE, _EPILOG
-    what = "run the program through this command; quote it if it has spaces ('nice -n 5')"
+    what = "Run the program through this command; quote it if it has spaces ('nice -n 5')"
     parser.add_argument("--prefix", metavar="COMMAND", help=what)
-    what = "behave exactly like ROS 2, even where a program then hangs"
+    what = "Behave exactly like ROS 2, even where a program then hangs"
     parser.add_argument("--like-ros", action="store_true", help=what)
-    what = "search the package in the workspace of this folder, too"
+    what = "Search the package in the workspace of this folder, too"
     parser.add_argument("--workspace", metavar="FOLDER", help=what)
-    what = "run a module, as python -m, with its own arguments"
+    what = "Run a module, as python -m, with its own arguments"
     parser.add_argument("-m", metavar="MODULE", dest="module", nargs=REMAINDER, help=what)
-    what = "run Python code, as python -c, with its own arguments"
+    what = "Run Python code, as python -c, with its own arguments"
     parser.add_argument("-c", metavar="CODE", dest="code", nargs=REMAINDER, help=what)
-    what = "a Python file, or a package of this workspace and its executable; then its arguments"
+    what = "A Python file, or a package of this workspace and its executable; then its arguments"
     parser.add_argument("rest", metavar="PROGRAM", nargs=REMAINDER, help=what)
     parser.set_defaults(run=_run, parser=parser)
 

@@ -91,7 +91,7 @@ def _made_robot(options: argparse.Namespace) -> Callable[[], Robot]:
 def _parser() -> Parser:
     parser = Parser(
         prog="taskrpc-server",
-        description="Run the task server: offer /robot_task and drive a simulated robot.",
+        description="Run the task server: offer /robot_task and drive a simulated robot",
         epilog="Call it: taskrpc-call /robot_task task_type=move target=warehouse priority=8",
     )
     _add_service_options(parser)
@@ -102,43 +102,45 @@ def _parser() -> Parser:
 
 def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    listen = "the address for calls, also unix:/path (127.0.0.1:0)"
+    listen = "The address for calls, also unix:/path (default: 127.0.0.1:0)"
     add("--listen", metavar="HOST:PORT", type=remote.any_place, help=listen)
     remote.add_transport(parser)
     what = (
-        "the database of tasks: a file, :memory: for nothing on the disk,"
+        "The database of tasks: a file, :memory: for nothing on the disk,"
         " or postgresql://… for a fleet"
     )
     add("--db", metavar="FILE|URL", help=what)
-    add("--fresh", action="store_true", help="forget the tasks of earlier runs")
-    limit = "maximum number of tasks in the queue (10000)"
+    add("--fresh", action="store_true", help="Forget the tasks of earlier runs")
+    limit = "Maximum number of tasks in the queue (default: 10000)"
     add("--queue-limit", metavar="N", type=whole(1), default=10_000, help=limit)
-    share = "maximum number of queued tasks of one account at one machine (no limit)"
+    share = "Maximum number of queued tasks of one account at one machine (default: no limit)"
     add("--share", metavar="N", type=whole(1), help=share)
-    attendance = "a file in which the server notes when each account last called"
+    attendance = "A file in which the server notes when each account last called"
     add("--attendance", metavar="FILE", help=attendance)
     # `taskrpc classroom` gives it: the folder of the class that the live page shows.
     add("--class", dest="class_folder", metavar="FOLDER", help=argparse.SUPPRESS)
-    settle = "seconds that an idle robot waits for more tasks before it takes the first (0.1)"
+    settle = (
+        "Seconds that an idle robot waits for more tasks before it takes the first (default: 0.1)"
+    )
     seconds = number("from 0 on", lambda seconds: seconds >= 0)
     add("--settle", metavar="S", type=seconds, default=0.1, help=settle)
-    add("--join", action="store_true", help="start even if another server offers the same services")
-    standby = "wait until the server that uses the database ends, then replace it"
+    add("--join", action="store_true", help="Start even if another server offers the same services")
+    standby = "Wait until the server that uses the database ends, then replace it"
     add("--standby", action="store_true", help=standby)
-    events = "how much of each call `taskrpc service echo` can print (off)"
+    events = "How much of each call `taskrpc service echo` can print (default: off)"
     add("--introspection", choices=["off", "metadata", "contents"], default="off", help=events)
-    found = "when to end the connection of a silent peer: `default` (8 s) or `robot` (2 s)"
+    found = "When to end the connection of a silent peer: `default` (8 s) or `robot` (2 s)"
     add("--keepalive", choices=["default", "robot"], help=found)
-    web = "serve the live page, rosbridge, /health and /metrics at this HTTP address"
+    web = "Serve the live page, rosbridge, /health and /metrics at this HTTP address"
     add("--web", metavar="HOST:PORT", type=remote.place, help=web)
     add_allow_origin(parser)
-    fault = "inject a fault into calls, such as lose-response:first=1; may be given several times"
+    fault = "Inject a fault into calls, such as lose-response:first=1; may be given several times"
     add("--fault", metavar="SPEC", type=_fault, action="append", default=[], help=fault)
-    record = "record the whole run to this new MCAP file; see taskrpc bag"
+    record = "Record the whole run to this new MCAP file; see taskrpc bag"
     add("--record", metavar="FILE", help=record)
     levels = ["debug", "info", "warning", "error"]
-    add("--log-level", choices=levels, default="info", help="what to log to stderr (info)")
-    what = "the format of log lines: text as in ROS 2, or JSON for programs (text)"
+    add("--log-level", choices=levels, default="info", help="What to log to stderr (default: info)")
+    what = "The format of log lines: text as in ROS 2, or JSON for programs (default: text)"
     add("--log-format", choices=logs.STYLES, default="text", help=what)
 
 
@@ -163,13 +165,13 @@ def _fault(spec: str) -> str:
 
 def _add_robot_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    what = "the map (YAML) of the simulated robot; with --robots, give one for each robot"
+    what = "The map (YAML) of the simulated robot; with --robots, give one for each robot"
     add("--map", metavar="FILE", action="append", help=what)
-    what = "the namespace of the robot: /robot2 for the service /robot2/robot_task (/)"
+    what = "The namespace of the robot: /robot2 for the service /robot2/robot_task (default: /)"
     add("--namespace", metavar="NAME", type=_namespace, default="/", help=what)
-    what = "how many simulated robots; each has a queue, a map and a page of its own (1)"
+    what = "How many simulated robots; each has a queue, a map and a page of its own (default: 1)"
     add("--robots", metavar="N", type=whole(1), default=1, help=what)
-    speed = "simulated seconds per second (1)"
+    speed = "Simulated seconds per second (default: 1)"
     add(
         "--speed",
         metavar="X",
@@ -177,22 +179,22 @@ def _add_robot_options(parser: argparse.ArgumentParser) -> None:
         default=1.0,
         help=speed,
     )
-    robot = "your own robot class instead of the simulated robot; see taskrpc.Robot"
+    robot = "Your own robot class instead of the simulated robot; see taskrpc.Robot"
     add("--robot", metavar="MODULE:CLASS", help=robot)
     fleet_server.add_options(parser)
 
 
 def _add_security_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    what = "a file with the token that callers on other machines must present"
+    what = "A file with the token that callers on other machines must present"
     add("--token-file", metavar="FILE", help=what)
     what = (
-        "a TOML or JSON file of users that may call, with their roles; read again when it changes"
+        "A TOML or JSON file of users that may call, with their roles; read again when it changes"
     )
     add("--accounts", metavar="FILE", help=what)
-    add("--tls-cert", metavar="FILE", help="this server's certificate (PEM)")
-    add("--tls-key", metavar="FILE", help="the key of this certificate (PEM)")
-    what = "callers need a certificate that this authority signed (PEM)"
+    add("--tls-cert", metavar="FILE", help="This server's certificate (PEM)")
+    add("--tls-key", metavar="FILE", help="The key of this certificate (PEM)")
+    what = "Callers need a certificate that this authority signed (PEM)"
     add("--tls-ca", metavar="FILE", help=what)
 
 

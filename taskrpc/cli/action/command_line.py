@@ -36,7 +36,7 @@ def _add_echo(commands: Commands) -> None:
     parser.add_argument("action_type", nargs="?", default="", help=what)
     what = (
         "Parts of the action to output, separated by |: GOAL_SERVICE, CANCEL_SERVICE,"
-        " RESULT_SERVICE, FEEDBACK_TOPIC, STATUS_TOPIC (all)"
+        " RESULT_SERVICE, FEEDBACK_TOPIC, STATUS_TOPIC (default: all)"
     )
     parser.add_argument("-i", "--interfaces", metavar="NAMES", help=what)
     what = "Output all values separated by commas (e.g. for plotting)"
@@ -97,7 +97,7 @@ def _add_send_goal(commands: Commands) -> None:
     parser.add_argument("-f", "--feedback", action="store_true", help=what)
     what = (
         "How many seconds to wait until the server accepts or rejects the goal"
-        f" ({_TIMEOUT:g}); 0 or inf: no limit"
+        f"; 0 or inf: no limit (default: {_TIMEOUT:g})"
     )
     parser.add_argument("--timeout", metavar="S", type=_time_limit, default=_TIMEOUT, help=what)
     what = "Print the feedback and the result as one line of JSON each"

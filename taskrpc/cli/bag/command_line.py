@@ -40,7 +40,7 @@ def _add_record(commands: Commands) -> None:
     parser = _add(commands, "record", "Record topics and the calls of services", "record")
     add = parser.add_argument
     add("topic_names", metavar="topic", nargs="*", help="Topics to record (e.g. '/chatter')")
-    what = "The file to write (rosbag2_DATE-TIME.mcap)"
+    what = "The file to write (default: rosbag2_DATE-TIME.mcap)"
     add("-o", "--output", metavar="FILE", help=what)
     add("-a", "--all", action="store_true", help="Record all topics and all services")
     add("--all-topics", action="store_true", help="Record all topics")
@@ -75,17 +75,17 @@ def _add_play(commands: Commands) -> None:
     add("file", metavar="FILE", help=_FILE)
     positive = number("above 0", lambda n: n > 0)
     at_least = number("from 0 on", lambda n: n >= 0)
-    what = "Recorded seconds to play in one second (1)"
+    what = "Recorded seconds to play in one second (default: 1)"
     add("-r", "--rate", metavar="RATE", type=positive, default=1.0, help=what)
-    what = "Seconds to skip at the beginning of the recording (0)"
+    what = "Seconds to skip at the beginning of the recording (default: 0)"
     add("--start-offset", metavar="S", type=at_least, default=0.0, help=what)
-    what = "Seconds of the recording to play (to its end)"
+    what = "Seconds of the recording to play (default: to its end)"
     add("--playback-duration", metavar="S", type=at_least, help=what)
-    what = "Seconds to wait for subscriptions before the first message (0.5)"
+    what = "Seconds to wait for subscriptions before the first message (default: 0.5)"
     add("-d", "--delay", metavar="S", type=at_least, default=0.5, help=what)
     add("-l", "--loop", action="store_true", help="Play again and again, until Ctrl-C")
-    add("--topics", metavar="TOPIC", nargs="+", default=[], help="Topics to play (all)")
-    what = "Services whose calls to play (all)"
+    add("--topics", metavar="TOPIC", nargs="+", default=[], help="Topics to play (default: all)")
+    what = "Services whose calls to play (default: all)"
     add("--services", metavar="SERVICE", nargs="+", default=[], help=what)
     what = "Topics to leave out"
     add("--exclude-topics", metavar="TOPIC", nargs="+", default=[], help=what)
@@ -101,7 +101,7 @@ def _add_sequence(commands: Commands) -> None:
     what = "Print a Mermaid sequence diagram of the recorded calls"
     parser = _add(commands, "sequence", what, "info")
     parser.add_argument("file", metavar="FILE", help=_FILE)
-    what = "Draw at most this many calls (100)"
+    what = "Draw at most this many calls (default: 100)"
     parser.add_argument("--limit", metavar="N", type=whole(1), default=100, help=what)
     what = "Draw the calls of these services only"
     parser.add_argument("--services", metavar="SERVICE", nargs="+", default=[], help=what)

@@ -28,12 +28,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         commands, "rosbridge", "Start a gateway for rosbridge clients, such as roslib in a browser"
     )
     add = rosbridge.add_argument
-    what = f"the address for WebSockets ({_PLACE})"
+    what = f"The address for WebSockets (default: {_PLACE})"
     add("--listen", metavar="HOST:PORT", type=remote.place, default=_PLACE, help=what)
     add_allow_origin(rosbridge)
-    add("--token-file", metavar="FILE", help="a file with the token that other machines must send")
-    add("--tls-cert", metavar="FILE", help="the certificate of this gateway (PEM)")
-    add("--tls-key", metavar="FILE", help="its key (PEM)")
+    add("--token-file", metavar="FILE", help="A file with the token that other machines must send")
+    add("--tls-cert", metavar="FILE", help="The certificate of this gateway (PEM)")
+    add("--tls-key", metavar="FILE", help="Its key (PEM)")
     rosbridge.set_defaults(run=_rosbridge, connect=None, tls_ca=None)
 
 

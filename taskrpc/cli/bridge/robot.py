@@ -24,25 +24,25 @@ some programs late."""
 def configure(ros: argparse.ArgumentParser) -> None:
     """Add the arguments of `taskrpc bridge ros` to its parser."""
     add = ros.add_argument
-    what = "the address for calls (127.0.0.1:0)"
+    what = "The address for calls (default: 127.0.0.1:0)"
     add("--listen", metavar="HOST:PORT", type=remote.any_place, help=what)
-    what = "let callers use the services of this name, such as '/arm/*'; may be given several times"
+    what = "Let callers use the services of this name, such as '/arm/*'; may be given several times"
     add("--allow", metavar="NAME", type=_name, action="append", default=[], help=what)
-    what = "let callers subscribe to the topics of this name; may be given several times"
+    what = "Let callers subscribe to the topics of this name; may be given several times"
     add("--allow-topic", metavar="NAME", type=_name, action="append", default=[], help=what)
-    what = "the most calls per second of one account (20)"
+    what = "The most calls per second of one account (default: 20)"
     above = number("above 0", lambda value: value > 0)
     add("--rate", metavar="N", type=above, default=20.0, help=what)
-    what = "the most calls of one account without a response (4)"
+    what = "The most calls of one account without a response (default: 4)"
     add("--in-flight", metavar="N", type=whole(1), default=4, help=what)
-    what = "the most seconds that a call to the robot may take (10)"
+    what = "The most seconds that a call to the robot may take (default: 10)"
     add("--timeout", metavar="S", type=above, default=10.0, help=what)
-    add("--token-file", metavar="FILE", help="a file with the token that callers must present")
-    what = "a TOML or JSON file of users that may call, with their roles; see taskrpc classroom"
+    add("--token-file", metavar="FILE", help="A file with the token that callers must present")
+    what = "A TOML or JSON file of users that may call, with their roles; see taskrpc classroom"
     add("--accounts", metavar="FILE", help=what)
-    add("--tls-cert", metavar="FILE", help="the certificate of this gateway (PEM)")
-    add("--tls-key", metavar="FILE", help="its key (PEM)")
-    what = "callers need a certificate that this authority signed (PEM)"
+    add("--tls-cert", metavar="FILE", help="The certificate of this gateway (PEM)")
+    add("--tls-key", metavar="FILE", help="Its key (PEM)")
+    what = "Callers need a certificate that this authority signed (PEM)"
     add("--tls-ca", metavar="FILE", help=what)
     # For robots on another middleware than ROS, and for tests.
     add("--transport", default="ros", help=argparse.SUPPRESS)

@@ -33,22 +33,22 @@ _CLASS = "class"  # the account of a class without --students
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `classroom` and its commands."""
     add = parser.add_argument
-    what = "a name or address of this machine for the join strings (default: found automatically)"
+    what = "A name or address of this machine for the join strings (default: found automatically)"
     add("--address", action="append", metavar="HOST", type=_host, help=what)
-    what = f"where the server listens ({_PORT}, or as last time)"
+    what = f"Where the server listens (default: {_PORT}, or as last time)"
     add("--port", metavar="N", type=_port, help=what)
-    what = "a file with one student per line, or a number of students (default: one string for all)"
+    what = "A file with one student per line, or a number of students (default: one string for all)"
     add("--students", metavar="FILE|N", help=what)
-    what = f"how many days the join strings are valid ({_DAYS})"
+    what = f"How many days the join strings are valid (default: {_DAYS})"
     add("--days", metavar="N", type=whole(1, _MOST_DAYS), default=_DAYS, help=what)
-    add("--renew", action="store_true", help="make a new certificate; all students must join again")
-    what = "how many robots share the students (1, or as many as the last time)"
+    add("--renew", action="store_true", help="Make a new certificate; all students must join again")
+    what = "How many robots share the students (default: 1, or as many as the last time)"
     add("--robots", metavar="N", type=whole(1, _MOST_ROBOTS), help=what)
-    what = f"with --serve: maximum number of queued tasks of one laptop ({_SHARE})"
+    what = f"With --serve: maximum number of queued tasks of one laptop (default: {_SHARE})"
     add("--share", metavar="N", type=whole(1), default=_SHARE, help=what)
-    what = "run taskrpc-server for the class, with a live page there (127.0.0.1:0)"
+    what = "Run taskrpc-server for the class, with a live page there (default: 127.0.0.1:0)"
     add("--web", metavar="HOST:PORT", type=place, nargs="?", const="127.0.0.1:0", help=what)
-    what = "then run taskrpc-server for the class; the words that follow are its options"
+    what = "Then run taskrpc-server for the class; the words that follow are its options"
     add("--serve", nargs=argparse.REMAINDER, metavar="OPTION", help=what)
     commands = add_group(parser)
     parser.set_defaults(run=_make)
@@ -56,32 +56,32 @@ def configure(parser: argparse.ArgumentParser) -> None:
     roster.add_argument("--json", action="store_true", help="Print JSON")
     roster.set_defaults(run=_roster)
     adding = add_command(commands, "add", "Add students and print their join strings")
-    adding.add_argument("names", nargs="+", metavar="NAME", help="name of the student")
+    adding.add_argument("names", nargs="+", metavar="NAME", help="Name of the student")
     days = whole(1, _MOST_DAYS)
-    what = f"how many days the join strings are valid ({_DAYS})"
+    what = f"How many days the join strings are valid (default: {_DAYS})"
     adding.add_argument("--days", metavar="N", type=days, default=_DAYS, help=what)
     adding.set_defaults(run=_add)
     _add_bundle(commands)
     _add_reset(commands)
     what = "Revoke students; a running server then refuses them"
     revoking = add_command(commands, "revoke", what)
-    revoking.add_argument("names", nargs="+", metavar="NAME", help="name of the student")
+    revoking.add_argument("names", nargs="+", metavar="NAME", help="Name of the student")
     revoking.set_defaults(run=_revoke)
 
 
 def _add_bundle(commands: Commands) -> None:
     what = "Make a folder with all that students install and read without the internet"
     bundling = add_command(commands, "bundle", what)
-    what = "the folder to fill, for example on a memory stick; created if it is missing"
+    what = "The folder to fill, for example on a memory stick; created if it is missing"
     bundling.add_argument("folder", metavar="DIR", help=what)
-    what = "a Python version of the laptops (default: 3.11, 3.12, 3.13 and 3.14)"
+    what = "A Python version of the laptops (default: 3.11, 3.12, 3.13 and 3.14)"
     bundling.add_argument("--python", action="append", metavar="VERSION", type=_python, help=what)
-    what = "a system of the laptops: windows, macos or linux (default: all)"
+    what = "A system of the laptops: windows, macos or linux (default: all)"
     systems = ("windows", "macos", "linux")
     bundling.add_argument("--system", action="append", choices=systems, help=what)
-    what = "add Jupyter, for the notebooks"
+    what = "Add Jupyter, for the notebooks"
     bundling.add_argument("--jupyter", action="store_true", help=what)
-    what = "make nothing: check that each laptop can install what is in the folder"
+    what = "Make nothing: check that each laptop can install what is in the folder"
     bundling.add_argument("--check", action="store_true", help=what)
     bundling.set_defaults(run=_bundle)
 
@@ -89,16 +89,16 @@ def _add_bundle(commands: Commands) -> None:
 def _add_reset(commands: Commands) -> None:
     what = "Begin the next group: empty queue, robot at its start, no last calls"
     resetting = add_command(commands, "reset", what)
-    resetting.add_argument("--yes", action="store_true", help="do not ask")
-    what = "give all students new join strings; the earlier ones end"
+    resetting.add_argument("--yes", action="store_true", help="Do not ask")
+    what = "Give all students new join strings; the earlier ones end"
     resetting.add_argument("--new-accounts", action="store_true", help=what)
-    what = "the students of the next group, in the place of the former ones: a file or a number"
+    what = "The students of the next group, in the place of the former ones: a file or a number"
     resetting.add_argument("--students", metavar="FILE|N", help=what)
-    what = f"how many days new join strings are valid ({_DAYS})"
+    what = f"How many days new join strings are valid (default: {_DAYS})"
     resetting.add_argument(
         "--days", metavar="N", type=whole(1, _MOST_DAYS), default=_DAYS, help=what
     )
-    what = "the server's database, if it does not run and is not the default one"
+    what = "The server's database, if it does not run and is not the default one"
     resetting.add_argument("--db", metavar="FILE", help=what)
     resetting.set_defaults(run=_reset)
 

@@ -35,11 +35,11 @@ def configure(parser: ArgumentParser) -> None:
     """Give the parser of `taskrpc demo` its options."""
     least, most = _SPEEDS
     speed = number(f"from {least:g} to {most:g}", lambda value: least <= value <= most)
-    what = f"simulated seconds per second, {least:g} to {most:g} (4.5)"
+    what = f"Simulated seconds per second, {least:g} to {most:g} (default: 4.5)"
     parser.add_argument("--speed", metavar="X", type=speed, default=4.5, help=what)
-    what = "print lines instead of drawing a picture"
+    what = "Print lines instead of drawing a picture"
     parser.add_argument("--plain", action="store_true", help=what)
-    what = "show three robots that share one queue, also when a server is lost"
+    what = "Show three robots that share one queue, also when a server is lost"
     parser.add_argument("--fleet", action="store_true", help=what)
     parser.set_defaults(run=run)
 

@@ -26,7 +26,7 @@ from taskrpc.transport.settings import environment_peers
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `doctor`."""
-    what = "a server that you cannot reach, on another machine or at unix:/path; or a Zenoh router"
+    what = "A server that you cannot reach, on another machine or at unix:/path; or a Zenoh router"
     parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=_place, help=what)
     add_transport(parser)
     add_secrets(parser)

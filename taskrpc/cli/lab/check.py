@@ -39,21 +39,21 @@ def here() -> Path:
 
 def configure(parser: ArgumentParser) -> None:
     """Give the parser of `taskrpc lab check` its arguments."""
-    what = "the lab, 1 to 6; the default is the lab that was started in this folder"
+    what = "The lab, 1 to 6 (default: the lab that was started in this folder)"
     parser.add_argument("number", type=int, metavar="N", nargs="?", help=what)
-    what = "check for this student or group (default: as in `taskrpc lab start`)"
+    what = "Check for this student or group (default: as in `taskrpc lab start`)"
     parser.add_argument("--variant", metavar="ID", type=variant_id, help=what)
-    what = "a folder with further checks of the lecturer: labN/hidden.py"
+    what = "A folder with further checks of the lecturer: labN/hidden.py"
     parser.add_argument("--hidden", metavar="FOLDER", help=what)
-    what = "check all submissions in this folder: one folder or .zip file for each student"
+    what = "Check all submissions in this folder: one folder or .zip file for each student"
     parser.add_argument("--all", metavar="FOLDER", help=what)
-    what = "with --all: write a table to this file (default: to standard output)"
+    what = "With --all: write a table to this file (default: to standard output)"
     parser.add_argument("--csv", metavar="FILE", nargs="?", const="-", help=what)
-    what = "with --all: how many to check at the same time (default: two for each processor)"
+    what = "With --all: how many to check at the same time (default: two for each processor)"
     parser.add_argument("--jobs", type=int, metavar="N", help=what)
-    what = "with --all: check without a sandbox, with all rights of your account"
+    what = "With --all: check without a sandbox, with all rights of your account"
     parser.add_argument("--trusted", action="store_true", help=what)
-    what = "print the results.json of Gradescope"
+    what = "Print the results.json of Gradescope"
     parser.add_argument("--json", action="store_true", help=what)
     parser.set_defaults(run=run)
 

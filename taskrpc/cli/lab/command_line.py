@@ -14,8 +14,8 @@ def configure(parser: ArgumentParser) -> None:
     """Give the parser of `taskrpc lab` its arguments."""
     commands = add_group(parser)
     start = add_command(commands, "start", "Write the starter files of a lab into this folder")
-    start.add_argument("number", type=int, metavar="N", help="the lab, 1 to 6")
-    what = "a name or a number that gives this student a lab of their own, such as an account"
+    start.add_argument("number", type=int, metavar="N", help="The lab, 1 to 6")
+    what = "A name or a number that gives this student a lab of their own, such as an account"
     start.add_argument("--variant", metavar="ID", type=variant_id, default="", help=what)
     start.set_defaults(run=_start)
     check = add_command(commands, "check", "Check the lab in this folder, and explain what fails")

@@ -94,9 +94,9 @@ def _add(commands: Commands, verb: str, purpose: str, action: Action) -> Parser:
     what = "Consider hidden nodes as well"
     command.add_argument("--include-hidden-nodes", action="store_true", help=what)
     at_least = number("from 0 on", lambda seconds: seconds >= 0)
-    what = "Seconds to wait until the node is available (0)"
+    what = "Seconds to wait until the node is available (default: 0)"
     command.add_argument("--timeout", metavar="N", type=at_least, default=0.0, help=what)
-    what = f"Seconds to wait for the response of the node ({RESPONSE_TIMEOUT:g})"
+    what = f"Seconds to wait for the response of the node (default: {RESPONSE_TIMEOUT:g})"
     command.add_argument(
         "--service-timeout", metavar="N", type=at_least, default=RESPONSE_TIMEOUT, help=what
     )

@@ -38,16 +38,16 @@ def _add_create(commands: Commands) -> None:
         type=int,
         default=3,
         choices=[2, 3],
-        help="The package.xml format",
+        help="The package.xml format (default: 3)",
     )
     what = "The description given in the package.xml"
     add("--description", default="", help=what)
     what = "The license attached to this package; ? lists those that ROS 2's tools know"
     add("--license", default="", help=what)
-    what = "Directory where to create the package directory"
+    what = "Directory where to create the package directory (default: the working directory)"
     add("--destination-directory", default=".", help=what)
     kinds = ["ament_cmake", "ament_python"]
-    what = "The build type to process the package with"
+    what = "The build type to process the package with (default: ament_cmake)"
     add("--build-type", default="ament_cmake", choices=kinds, help=what)
     add("--dependencies", nargs="+", default=[], help="List of dependencies")
     add("--maintainer-email", help="Email address of the maintainer of this package")

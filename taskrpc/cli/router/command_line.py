@@ -13,7 +13,7 @@ _PLACE = "127.0.0.1:7447"
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of the router."""
-    what = f"the address for programs and other routers, also tcp/HOST:PORT ({_PLACE})"
+    what = f"The address for programs and other routers, also tcp/HOST:PORT (default: {_PLACE})"
     parser.add_argument("--listen", metavar="HOST:PORT", default=_PLACE, help=what)
     parser.set_defaults(run=_run)
 

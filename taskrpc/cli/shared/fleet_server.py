@@ -26,9 +26,9 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}", re.ASCII)
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Give the parser of `taskrpc-server` the options of a fleet."""
     add = parser.add_argument
-    what = "the robot's name in a fleet (the name of this machine)"
+    what = "The robot's name in a fleet (default: the name of this machine)"
     add("--robot-name", metavar="NAME", help=what)
-    what = "what the robot may do in a fleet, such as move,scan:area_* (everything)"
+    what = "What the robot may do in a fleet, such as move,scan:area_* (default: everything)"
     add("--capabilities", metavar="LIST", help=what)
 
 

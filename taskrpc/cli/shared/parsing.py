@@ -104,7 +104,7 @@ def add_lengths(parser: argparse.ArgumentParser, *, flow_style: str) -> None:
     """Add ros2's options that shorten messages; `flow_style` is the help of `--flow-style`."""
     what = "Output long texts and arrays in full"
     parser.add_argument("-f", "--full-length", action="store_true", help=what)
-    what = "Maximum number of characters and elements to output (128)"
+    what = "Maximum number of characters and elements to output (default: 128)"
     parser.add_argument(
         "-l", "--truncate-length", metavar="N", type=whole(0), default=128, help=what
     )
@@ -117,7 +117,7 @@ def add_lengths(parser: argparse.ArgumentParser, *, flow_style: str) -> None:
 
 def add_allow_origin(parser: argparse.ArgumentParser) -> None:
     """Give a command that serves WebSockets the option for pages of other servers."""
-    what = "also accept web pages from this server, such as http://lab.local:8000; null for files"
+    what = "Also accept web pages from this server, such as http://lab.local:8000; null for files"
     add = parser.add_argument
     add("--allow-origin", metavar="ORIGIN", type=_origin, action="append", default=[], help=what)
 

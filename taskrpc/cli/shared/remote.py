@@ -104,7 +104,7 @@ HERE = Remote()
 def add_connect(parser: argparse.ArgumentParser) -> None:
     """Give a command `--connect`, `--transport`, and the options for the secrets."""
     group = parser.add_argument_group("a program on another machine")
-    what = "use the program there (or at unix:/path), not those of this machine"
+    what = "Use the program there (or at unix:/path), not those of this machine"
     group.add_argument("--connect", metavar="HOST:PORT", type=any_place, help=what)
     add_transport(group)
     add_secrets(group)
@@ -112,7 +112,7 @@ def add_connect(parser: argparse.ArgumentParser) -> None:
 
 def add_transport(group: argparse._ActionsContainer) -> None:
     """Give a command `--transport`."""
-    what = "how programs find and call each other: tcp, ros or zenoh (tcp)"
+    what = "How programs find and call each other: tcp, ros or zenoh (default: tcp)"
     group.add_argument("--transport", metavar="NAME", default="tcp", help=what)
 
 
@@ -161,12 +161,12 @@ def any_place(text: str) -> str:
 
 def add_secrets(group: argparse._ActionsContainer) -> None:
     """Give a command the options for the token and the certificates."""
-    what = "a file with the token of that program (or set TASKRPC_TOKEN)"
+    what = "A file with the token of that program (or set TASKRPC_TOKEN)"
     group.add_argument("--token-file", metavar="FILE", help=what)
-    what = "the certificate of the authority that signed that program's certificate (PEM)"
+    what = "The certificate of the authority that signed that program's certificate (PEM)"
     group.add_argument("--tls-ca", metavar="FILE", help=what)
-    group.add_argument("--tls-cert", metavar="FILE", help="the certificate of this client (PEM)")
-    group.add_argument("--tls-key", metavar="FILE", help="its key")
+    group.add_argument("--tls-cert", metavar="FILE", help="The certificate of this client (PEM)")
+    group.add_argument("--tls-key", metavar="FILE", help="Its key")
 
 
 def remote_of(options: argparse.Namespace) -> Remote:

@@ -48,32 +48,37 @@ def configure(parser: ArgumentParser) -> None:
     _add_views(commands)
     for verb, purpose in _ORDERS:
         command = _add(commands, verb, purpose, _order)
-        command.add_argument("task_ids", metavar="ID", type=int, nargs="+", help="a task's number")
+        command.add_argument("task_ids", metavar="ID", type=int, nargs="+", help="A task's number")
         command.set_defaults(verb=verb)
     for verb, purpose in _HALTS:
         command = _add(commands, verb, purpose, _halt)
-        _add_robot(command, f"{verb} only this robot of a fleet; the others continue (all robots)")
+        what = f"{verb.capitalize()} only this robot of a fleet (default: all robots)"
+        _add_robot(command, what)
         command.set_defaults(verb=verb)
     what = "Continue after a pause or a stop; with IDs, queue interrupted tasks again"
     command = _add(commands, "resume", what, _resume)
-    what = "continue only this robot; without it, robots that were paused by name stay paused"
+    what = "Continue only this robot; without it, robots that were paused by name stay paused"
     _add_robot(command, what)
-    what = "an interrupted task; it gets its old place in the queue"
+    what = "An interrupted task; it gets its old place in the queue"
     command.add_argument("task_ids", metavar="ID", type=int, nargs="*", help=what)
     for verb, purpose in _SPELLINGS:
         command = _add(commands, verb, purpose, _reprioritise)
-        command.add_argument("task_id", metavar="ID", type=int, help="the task's number")
+        command.add_argument("task_id", metavar="ID", type=int, help="The task's number")
         command.add_argument("priority", metavar="PRIORITY", type=int, help="1 to 10, 10 first")
 
 
 def _add_submit(commands: Commands) -> None:
     command = _add(commands, "submit", "Queue a task", _submit)
     add = command.add_argument
-    add("task_type", metavar="TYPE", help="move, scan or report (your own robot may have more)")
-    add("target", metavar="TARGET", help="a place on the map, or x,y in metres")
-    what = "1 to 10; 10 runs first (5)"
+    add(
+        "task_type",
+        metavar="TYPE",
+        help="Type of the task: move, scan or report; your own robot may have more",
+    )
+    add("target", metavar="TARGET", help="A place on the map, or x,y in metres")
+    what = "Priority, 1 to 10; 10 runs first (default: 5)"
     add("priority", metavar="PRIORITY", type=int, nargs="?", default=5, help=what)
-    what = "follow the task to its end; exit code 0 if it SUCCEEDED, else 1"
+    what = "Follow the task to its end; exit code 0 if it SUCCEEDED, else 1"
     add("--wait", action="store_true", help=what)
 
 
@@ -83,11 +88,11 @@ def _add_robot(command: Parser, what: str) -> None:
 
 def _add_views(commands: Commands) -> None:
     command = _add(commands, "list", "List the tasks in the order in which they run", _list)
-    command.add_argument("--all", action="store_true", help="list ended tasks too")
+    command.add_argument("--all", action="store_true", help="List ended tasks too")
     command = _add(commands, "show", "Show a task with its result and its estimate", _show)
-    command.add_argument("task_id", metavar="ID", type=int, help="the task's number")
+    command.add_argument("task_id", metavar="ID", type=int, help="The task's number")
     command = _add(commands, "watch", "Print a line for each change, until Ctrl-C", _watch)
-    what = "only this task"
+    what = "Only this task (default: all tasks)"
     command.add_argument("task_id", metavar="ID", type=int, nargs="?", default=0, help=what)
 
 
@@ -97,11 +102,11 @@ def _add(commands: Commands, verb: str, purpose: str, action: Action) -> Parser:
     command = add_command(commands, verb, purpose)
     command.mixed = True
     add = command.add_argument
-    what = "the service of the task server (/robot_task, or that of your robot in a lab)"
+    what = "The service of the task server (default: /robot_task, or that of your robot in a lab)"
     add("--service", metavar="NAME", help=what)
-    what = "seconds for one call, including the wait for the server (10)"
+    what = "Seconds for one call, including the wait for the server (default: 10)"
     add("--timeout", metavar="S", type=_SECONDS, default=10.0, help=what)
-    add("--json", action="store_true", help="print JSON")
+    add("--json", action="store_true", help="Print JSON")
     add_connect(command)
     command.set_defaults(run=_run, action=action)
     return command

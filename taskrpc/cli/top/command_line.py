@@ -25,13 +25,13 @@ def configure(parser: ArgumentParser) -> None:
     """Give the parser of `taskrpc top` its options."""
     least, most = _PERIODS
     period = number(f"from {least:g} to {most:g}", lambda value: least <= value <= most)
-    what = f"seconds between two readings, {least:g} to {most:g} (1)"
+    what = f"Seconds between two readings, {least:g} to {most:g} (default: 1)"
     parser.add_argument("--period", metavar="S", type=period, default=1.0, help=what)
-    what = "measure for one period, print the result and end"
+    what = "Measure for one period, print the result and end"
     parser.add_argument("--once", action="store_true", help=what)
-    what = "print one JSON object for each period"
+    what = "Print one JSON object for each period"
     parser.add_argument("--json", action="store_true", help=what)
-    what = "show hidden nodes and services too"
+    what = "Show hidden nodes and services too"
     parser.add_argument("-a", "--all", action="store_true", help=what)
     add_connect(parser)
     parser.set_defaults(run=_run)

@@ -131,21 +131,21 @@ def _add_pub(commands: Commands) -> None:
     what = "Publish the messages of a file, one YAML document for each message"
     parser.add_argument("--yaml-file", metavar="FILE", help=what)
     positive = number("above 0", lambda n: n > 0)
-    what = "Messages per second (1)"
+    what = "Messages per second (default: 1)"
     parser.add_argument("-r", "--rate", metavar="N", type=positive, default=1.0, help=what)
-    what = "Print only every N-th message (1); 0 prints none"
+    what = "Print only every N-th message; 0 prints none (default: 1)"
     parser.add_argument("-p", "--print", metavar="N", type=whole(0), default=1, help=what)
     group = parser.add_mutually_exclusive_group()
     group.add_argument("-1", "--once", action="store_true", help="Publish one message and exit")
-    what = "Publish this many messages and exit"
+    what = "Publish this many messages and exit; 0: no limit (default: 0)"
     group.add_argument("-t", "--times", metavar="N", type=whole(0), default=0, help=what)
-    what = "Wait for this many subscriptions first (1 with --once and --times, else 0)"
+    what = "Wait for this many subscriptions first (default: 1 with --once and --times, else 0)"
     parser.add_argument(
         "-w", "--wait-matching-subscriptions", metavar="N", type=whole(0), help=what
     )
     what = "The most seconds to wait for subscriptions"
     parser.add_argument("--max-wait-time-secs", metavar="S", type=positive, help=what)
-    what = "Seconds to stay after the last message (0.1)"
+    what = "Seconds to stay after the last message (default: 0.1)"
     at_least = number("from 0 on", lambda n: n >= 0)
     parser.add_argument("--keep-alive", metavar="S", type=at_least, default=0.1, help=what)
     parser.add_argument("-n", "--node-name", metavar="NAME", help="Name of the publishing node")
@@ -185,7 +185,7 @@ def _add_topics(parser: Parser) -> None:
 def _add_window(parser: Parser, messages: int) -> None:
     from taskrpc.cli.topic.qos_options import add_qos
 
-    what = f"How many recent messages to measure ({messages})"
+    what = f"How many recent messages to measure (default: {messages})"
     names: Sequence[str] = ("-w", "--window")
     parser.add_argument(*names, metavar="N", type=whole(1), default=messages, help=what)
     add_qos(parser)

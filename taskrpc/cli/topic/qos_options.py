@@ -50,7 +50,9 @@ def add_qos(parser: argparse.ArgumentParser) -> None:
 
 def _add_policy(parser: argparse.ArgumentParser, policy: str, what: str, *choices: str) -> None:
     known = [_DEFAULT, *choices]
-    parser.add_argument(f"--qos-{policy}", choices=known, default=_DEFAULT, help=what)
+    parser.add_argument(
+        f"--qos-{policy}", choices=known, default=_DEFAULT, help=f"{what} (default: {_DEFAULT})"
+    )
 
 
 def qos_to_publish(options: argparse.Namespace) -> QoS:

@@ -50,7 +50,7 @@ def test_the_command_runs_as_a_module_too(workspace):
 def test_help_and_version_and_a_misspelt_command(run):
     code, out, err = run()
     assert (code, out) == (2, "")
-    assert "report every problem in definitions" in err
+    assert "Report every problem in definitions" in err
     assert run("--version")[:2] == (0, f"srvgen {version('taskrpc')}\n")
     assert run("chek", "x")[2].endswith("error: unknown command 'chek'; did you mean check?\n")
     code, _, err = run("check", "-I", "gone", ".")

@@ -64,6 +64,48 @@ def test_no_help_page_shows_an_option_that_does_nothing():
         assert said is None, page
 
 
+def _faults_of_style(action: argparse.Action) -> Iterator[str]:
+    """Yield what the help text of an argument does not keep of the style in CONTRIBUTING.md."""
+    text, default = action.help, action.default
+    if isinstance(action, argparse._HelpAction | argparse._SubParsersAction) or not text:
+        return  # argparse's own words, as in ros2
+    if text[0].islower():
+        yield "starts with a small letter"
+    if text.endswith("."):
+        yield "ends with a full stop"
+    is_shown = isinstance(default, str | int | float) and not isinstance(default, bool)
+    if is_shown and default not in ("", argparse.SUPPRESS):
+        said = f"{default:g}" if isinstance(default, float) else str(default)
+        # Words say more than "." or a 0 that stands for "no limit" or "all".
+        expected = "(default: " if default in (0, ".") else f"(default: {said})"
+        if expected not in text:
+            yield f"lacks (default: {said})"
+
+
+def test_all_help_texts_have_one_style():
+    faults = [
+        f"{page} {action.dest}: {fault}: {action.help}"
+        for page, parser in _pages()
+        for action in parser._actions
+        if action.help != argparse.SUPPRESS
+        for fault in _faults_of_style(action)
+    ]
+    faults += [
+        f"{page}: {parser.description}"
+        for page, parser in _pages()
+        if (text := parser.description) and (text[0].islower() or re.fullmatch(r"[^.]*\.", text))
+    ]
+    assert faults == []
+
+
+@pytest.mark.parametrize(
+    "text", ["how many (default: 3)", "How many (default: 3).", "How many (3)"]
+)
+def test_help_text_of_another_style_is_found(text):
+    parser = argparse.ArgumentParser()
+    assert list(_faults_of_style(parser.add_argument("--many", default=3, help=text)))
+
+
 def test_simulated_time_is_an_option_of_the_commands_that_measure_time():
     shown = {page for page, parser in _pages() if "--use-sim-time" in parser.format_help()}
     # `hz --wall-time` names it in its own help text as well.
