@@ -23,7 +23,6 @@ FOLDER = "browser-lab"
 
 _OF_THE_LIVE_PAGE = (
     "dom.js",
-    "frames.js",
     "map.js",
     "model.js",
     "style.css",

@@ -72,3 +72,42 @@ def test_lost_response_ends_at_the_deadline_and_the_retry_gets_the_stored_respon
     page.tab.wait(lambda: page.tab.run(_LABELS, saved) == ["retry 1, stored response"], "the retry")
     shown = page.agrees(services, until=lambda shown: shown.running is not None)
     assert (shown.running[0], shown.queue) == (response.task_id, [])  # the task was queued once
+
+
+_LOADED = (
+    "return performance.getEntriesByType('resource').map(e => e.name)"
+    ".filter(name => /slow_motion|frames|recording/.test(name)).map(name => name.split('/').at(-1))"
+)
+
+
+def test_slow_motion_is_loaded_when_it_is_used_first(start_server, services, open_page):
+    page = open_page(start_server("--speed", "0.05"))
+    services.submit()
+    page.agrees(services, until=lambda shown: shown.running is not None)
+    assert page.tab.run(_LOADED) == []
+    page.tab.keys(".")
+    page.tab.wait(lambda: "sends a request" in page.tab.text("#message_text"), "the first message")
+    assert page.tab.run(_LOADED) == ["slow_motion.js"]
+    assert page.tab.text("#step") == "Next message"
+    page.tab.click("#live_calls")
+    page.tab.wait(lambda: not page.tab.shows("#live_calls"), "the live calls")
+    page.tab.click("#slow_motion")
+    pressed = "#slow_motion[aria-pressed=true]"
+    page.tab.wait(lambda: page.tab.all(pressed), "the slow motion")
+    services.call("/list")
+    page.tab.wait(lambda: "responds" in page.tab.text("#message_text"), "the messages of the call")
+    assert page.tab.run(_LOADED) == ["slow_motion.js"]
+
+
+def test_page_without_a_server_says_that_slow_motion_cannot_be_loaded(
+    start_server, open_page, tabs
+):
+    server = start_server()
+    page = open_page(server)
+    tabs.expect("ERR_CONNECTION", "ERR_INCOMPLETE_CHUNKED_ENCODING")
+    server.kill()
+    page.tab.wait(lambda: page.read()["connection"] == "lost", "the connection to be lost")
+    page.tab.keys("m")
+    page.tab.wait(
+        lambda: "the server does not answer" in page.tab.text("#message_text"), "the reason"
+    )

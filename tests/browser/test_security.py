@@ -8,6 +8,7 @@ import json
 import pytest
 
 from tests.browser.conftest import control_link
+from tests.taskrpc.web.test_static import MOST_BYTES_AT_FIRST
 
 ROBOT = """
 import asyncio
@@ -120,7 +121,7 @@ def test_page_loads_nothing_from_elsewhere_and_little_in_all(start_server, open_
         ".map(e => [e.name, e.decodedBodySize])"
     )
     assert all(name.startswith((server.url, "data:")) for name, _ in entries), entries
-    assert 0 < sum(size for _, size in entries) <= 156_000  # as in tests/taskrpc/web/test_static.py
+    assert 0 < sum(size for _, size in entries) <= MOST_BYTES_AT_FIRST
 
 
 def test_markup_of_a_task_stays_text(start_server, services, open_page, tmp_path, monkeypatch):

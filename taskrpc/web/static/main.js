@@ -10,8 +10,6 @@ import { GraphView } from "./graph.js";
 import { Keyboard, Tabs } from "./keyboard.js";
 import { MapView } from "./map.js";
 import { Model } from "./model.js";
-import { Recording } from "./recording.js";
-import { SlowMotion } from "./slow_motion.js";
 import { StatusView } from "./status.js";
 import { TasksView } from "./tasks.js";
 import { setUpTheme } from "./theme.js";
@@ -30,13 +28,13 @@ controls.token = details.token = token;
 const map = new MapView(model, (x, y) => controls.chooseTarget(x, y));
 const tasks = new TasksView(model, open, act);
 const calls = new CallsView(model);
-const slow = new SlowMotion(model, calls);
 const list = new CallList(model);
 const graph = new GraphView(model);
 const students = new ClassView(model);
 const status = new StatusView(model);
-const views = [status, controls, map, tasks, calls, slow, graph, students];
+const views = [status, controls, map, tasks, calls, graph, students];
 let recording = null;
+let slow = null;
 
 const tabs = new Tabs(byId("tabs"), (panel) => {
   byId("bottom_panel").dataset.panel = panel;
@@ -47,28 +45,31 @@ const tabs = new Tabs(byId("tabs"), (panel) => {
 
 let wanted = byId(`tab_${query.get("view")}`); // the tab of `?view=class`, which appears with the first student
 
-function toggleSlowMotion() {
-  slow.setMode(slow.mode === "playing" ? "live" : "playing");
+/** Load the slow motion, use it and show its mode. */
+async function withSlowMotion(use) {
+  const module = await import("./slow_motion.js").catch(() => null);
+  if (!module) return setText(byId("message_text"), "Slow motion cannot be loaded: the server does not answer.");
+  if (!slow) views.push((slow = new module.SlowMotion(model, calls)));
+  use();
   showMode();
 }
+
+const toggleSlowMotion = () => withSlowMotion(() => slow.setMode(slow.mode === "playing" ? "live" : "playing"));
 
 function step() {
   tabs.choose(byId("tab_calls"));
-  slow.step();
-  showMode();
+  return withSlowMotion(() => slow.step());
 }
 
 function showMode() {
-  setAttribute(byId("slow_motion"), "aria-pressed", slow.mode === "playing");
-  setAttribute(byId("bottom_panel"), "data-mode", slow.mode);
-  setText(byId("step").lastChild, slow.mode === "stepping" ? "Next message" : "Step");
-  byId("live_calls").hidden = slow.mode === "live";
+  const mode = slow?.mode ?? "live";
+  setAttribute(byId("slow_motion"), "aria-pressed", mode === "playing");
+  setAttribute(byId("bottom_panel"), "data-mode", mode);
+  setText(byId("step").lastChild, mode === "stepping" ? "Next message" : "Step");
+  byId("live_calls").hidden = mode === "live";
 }
 
-function back() {
-  slow.setMode("live");
-  showMode();
-}
+const back = () => slow && withSlowMotion(() => slow.setMode("live"));
 
 function setUpMessageButtons() {
   byId("step").append(icon("step"), element("span"));
@@ -122,9 +123,10 @@ new Keyboard([
 /** Stop the live stream, and load the recording that the server serves. */
 async function openRecording() {
   stream.stop();
-  recording = new Recording(model, token);
   model.setConnection("recording", model.hello.recording.name);
   try {
+    const { Recording } = await import("./recording.js");
+    recording = new Recording(model, token);
     await recording.load();
   } catch (error) {
     model.setConnection("refused", error.message);
@@ -173,7 +175,7 @@ function frame(time) {
   map.frame(now);
   tasks.frame();
   calls.frame(now);
-  slow.frame();
+  slow?.frame();
   if (time - ticked < TICK / 2) return;
   ticked = time;
   for (const view of [status, tasks, calls, list, students]) view.tick();

@@ -1,7 +1,6 @@
 // Draws the map: walls, places, the robot with its path, trail and newest scan.
 
 import { DRAWING, byId, drawn, element, icon, isProjector, rem, setAttribute, setStyle, setText } from "./dom.js";
-import { frameShapes, placedFrames } from "./frames.js";
 import { turnBetween } from "./model.js";
 import { degrees } from "./words.js";
 
@@ -264,7 +263,10 @@ export class MapView {
     this.others.replaceChildren(...marks);
   }
 
-  drawFrames() {
+  /** Draw the frames; most robots publish none. */
+  async drawFrames() {
+    if (!this.model.frames?.frames.length && !this.frames.hasChildNodes()) return;
+    const { frameShapes, placedFrames } = await import("./frames.js");
     const placed = placedFrames(this.model.frames?.frames ?? [], this.model.robot);
     this.frames.replaceChildren(...frameShapes(placed, (point) => this.at(point), this.scale, this.unit, this.width / 2));
   }

@@ -42,7 +42,7 @@ export class SlowMotion {
     this.text = byId("message_text");
     this.backlog = [];
     this.mode = "live"; // live, playing or stepping
-    this.running = null; // the task that the robot executed at the last event
+    this.running = model.tasks?.running; // the task that the robot executed at the last event
     this.model.listeners.push((name, data) => name === "tasks" && this.noteTasks(data));
     this.clear();
   }
