@@ -46,9 +46,27 @@ def test_the_search_works_without_a_server(tabs: Tabs, site: Path):
     assert "Where ROS 2 hangs in silence" in titles
 
 
-def test_a_page_fits_on_a_phone(tabs: Tabs, site: Path):
+# How far a page is too wide, then the number of columns of each table that scrolls in its box.
+_TOO_WIDE = """
+    const tables = [...document.querySelectorAll(".md-typeset table:not([class])")];
+    const isTooWide = e => e.scrollWidth > e.closest(".md-typeset__scrollwrap").clientWidth + 1;
+    const columns = table => table.rows[0].cells.length;
+    const faults = tables.filter(isTooWide).map(columns);
+    return [document.documentElement.scrollWidth - innerWidth, faults];
+"""
+
+
+def test_pages_and_their_tables_fit_a_phone(tabs: Tabs, site: Path):
     tab = tabs.open((site / PAGES[1]).as_uri(), size=PHONE)
-    assert tab.run("return document.documentElement.scrollWidth") <= PHONE[0]
+    pages = [page for page in sorted(site.rglob("*.html")) if "<table>" in page.read_text("utf-8")]
+    assert len(pages) > 50
+    faults = []
+    for page in pages:
+        tab.open(page.as_uri())
+        too_wide, columns = tab.run(_TOO_WIDE)
+        if too_wide > 0 or any(each < 4 for each in columns):
+            faults.append(f"{page.relative_to(site)}: {too_wide} px too wide; {columns}")
+    assert faults == []
 
 
 def test_the_cheat_sheet_is_one_page_of_paper(tabs: Tabs, site: Path):
