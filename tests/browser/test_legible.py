@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from tests.browser.chromium import PHONE
 from tests.browser.legible import SIZES, all_faults, faults
 
 LOOKS = {
@@ -41,6 +42,13 @@ def test_page_with_many_tasks_can_be_read(start_busy, services, open_page, look)
     page.agrees(services, until=lambda shown: shown.running is not None and len(shown.ended) == 1)
     found = all_faults(page.tab, look)
     assert not found, "\n".join(found)
+
+
+def test_phone_shows_all_tasks_because_the_page_scrolls(start_busy, services, open_page):
+    page = open_page(start_busy(), size=PHONE, control=True)
+    page.agrees(services, until=lambda shown: len(shown.queue) == 22)
+    assert len([row for row in page.tab.all("#queue .row") if row.is_displayed()]) == 22
+    assert not page.tab.shows("#queue_more:not(:empty)")
 
 
 def test_button_shows_the_tasks_that_do_not_fit(start_busy, services, open_page):

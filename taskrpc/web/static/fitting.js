@@ -10,13 +10,14 @@ export class Fitting {
     this.list = list;
     this.more = more;
     this.height = height;
-    this.isAll = false; // whether the list shows all rows, and scrolls
+    this.isAll = false; // whether the list shows all rows
     this.rest = 0; // rows that the server did not send
     this.room = Infinity; // pixels
     more.hidden = isProjector;
     more.onclick = () => this.showAll(!this.isAll);
-    new ResizeObserver(([entry]) => {
-      this.room = entry.contentRect.height;
+    new ResizeObserver(([{ target, contentRect }]) => {
+      const isFixed = getComputedStyle(target).flexGrow > 0; // on a phone, the page scrolls
+      this.room = isFixed ? contentRect.height : Infinity;
       this.update(this.rest);
     }).observe(list.parentElement);
   }
@@ -26,7 +27,7 @@ export class Fitting {
     this.update(this.rest);
   }
 
-  /** Hide the rows that do not fit; `rest` is the number of further rows that the page does not know. */
+  /** Hide the rows that do not fit. */
   update(rest) {
     this.rest = rest;
     const rows = [...this.list.children];

@@ -5,7 +5,7 @@ import { QUEUE, ROBOT, SERVER } from "./lanes.js";
 import { callText, meaning, milliseconds, plural, shortName, taskText } from "./words.js";
 
 const PERIOD = 0.9; // seconds that each message takes at least
-const BACKLOG = 24; // most messages that wait; further calls are skipped, so that the drawing stays near the present
+const BACKLOG = 24; // most messages that wait; further calls are skipped
 const STEP = 11; // rem between two messages
 const KEPT = 16; // messages that stay in the drawing
 const TRAVEL = 700; // milliseconds that a message travels
@@ -37,7 +37,7 @@ export class SlowMotion {
     this.calls = calls;
     this.lanes = calls.lanes;
     this.drawing = drawn("g");
-    this.svg = drawn("svg.slow", DRAWING, { hidden: true }, drawn("defs", drawn("marker#head", { viewBox: "0 0 8 8", refX: 7, refY: 4, markerWidth: 7, markerHeight: 7, orient: "auto-start-reverse" }, drawn("path", { d: "M0 .5 8 4 0 7.500z", fill: "context-stroke" }))), this.drawing);
+    this.svg = drawn("svg.slow", DRAWING, { hidden: true }, drawn("defs", drawn("marker#head", { viewBox: "0 0 8 8", refX: 7, refY: 4, markerWidth: 7, markerHeight: 7, orient: "auto-start-reverse" }, drawn("path", { d: "M0 .5 8 4 0 7.5z", fill: "context-stroke" }))), this.drawing);
     this.lanes.track.append(this.svg);
     this.text = byId("message_text");
     this.backlog = [];
