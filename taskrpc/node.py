@@ -407,8 +407,8 @@ class Node:
 
         `role` is the least role that a subscriber's account must have, if the node has accounts.
         For a subscription that does not match, the node logs a warning, or calls
-        `on_mismatch(reason)` on the event loop; the reason is `TYPE`, `RELIABILITY` or
-        `DURABILITY`.
+        `on_mismatch(reason)` on the event loop; the reason is `TYPE`, `RELIABILITY`,
+        `DURABILITY`, `DEADLINE` or `LIVELINESS`.
 
         Raises InvalidName, CannotListen.
         """

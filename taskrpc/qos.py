@@ -13,11 +13,31 @@ Durability: TypeAlias = Literal["volatile", "transient_local"]
 MAX_DEPTH = 2**31
 
 
+class Timing(msgspec.Struct, array_like=True, frozen=True):
+    """How often a publisher sends messages and is declared alive, in nanoseconds; 0: no limit.
+
+    As an offer or as a request. Only rclpy's publishers and subscriptions watch these times.
+    """
+
+    deadline: int = 0
+    """The longest time between two messages."""
+    lease: int = 0
+    """The longest time between two declarations that the publisher is alive."""
+    is_manual: bool = False
+    """Whether the program declares this, by messages and by `assert_liveliness`."""
+
+    def refusal_of(self, requested: Timing) -> Literal["LIVELINESS", "DEADLINE"] | None:
+        """Return the policy that is weaker than requested; None if there is none."""
+        if (requested.is_manual and not self.is_manual) or _exceeds(self.lease, requested.lease):
+            return "LIVELINESS"
+        return "DEADLINE" if _exceeds(self.deadline, requested.deadline) else None
+
+
 class QoS(msgspec.Struct, frozen=True):
     """The quality that a publisher offers or a subscription requests, with ROS 2's names.
 
     A publisher and a subscription match unless the subscription requests more than the publisher
-    offers: `reliable` from `best_effort`, or `transient_local` from `volatile`.
+    offers: `reliable` from `best_effort`, `transient_local` from `volatile`, or a shorter time.
 
     Raises ValueError for an invalid field.
     """
@@ -29,6 +49,8 @@ class QoS(msgspec.Struct, frozen=True):
     """`best_effort` messages may be lost on the way."""
     durability: Durability = "volatile"
     """A `transient_local` publisher sends the last `depth` messages to later subscriptions."""
+    timing: Timing | None = None
+    """The deadline and the liveliness; None means no limits."""
 
     def __post_init__(self) -> None:
         depth: object = self.depth
@@ -77,6 +99,10 @@ def qos_for_all(publishers: Collection[Offer], depth: int) -> QoS:
         "reliable" if reliable else "best_effort",
         "transient_local" if latched else "volatile",
     )
+
+
+def _exceeds(offered: int, requested: int) -> bool:
+    return bool(requested) and not 0 < offered <= requested
 
 
 def _check(field: str, value: str, expected: tuple[str, ...]) -> None:

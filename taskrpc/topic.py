@@ -100,6 +100,16 @@ class Publisher(Generic[MsgT]):
     def on_matched(self, action: Callable[[], object]) -> None:
         self._sender.on_matched = action
 
+    def set_alive(self, alive: bool) -> None:
+        """Tell the subscriptions that it is alive, or that its lease has ended.
+
+        A middleware such as Zenoh does not pass this on.
+        """
+        from taskrpc.transport.pubsub.publishing import LocalPublisher  # few programs need it
+
+        if isinstance(self._sender, LocalPublisher):
+            self._sender.set_alive(alive)
+
     def forget_latched(self) -> None:
         """Forget the published messages that are kept for later subscriptions."""
         self._sender.forget_latched()
@@ -237,6 +247,17 @@ class Subscription(Generic[MsgT]):
         elsewhere = self._elsewhere
         return self._receiver.matched or (elsewhere.matched if elsewhere is not None else 0)
 
+    def get_liveliness(self) -> tuple[int, int]:
+        """Return how many of the publishers are alive, and how many are not.
+
+        All publishers of a middleware such as Zenoh count as alive.
+        """
+        from taskrpc.transport.pubsub.subscribing import LocalSubscription  # few programs need it
+
+        if isinstance(self._receiver, LocalSubscription) and self._receiver.matched:
+            return self._receiver.liveliness
+        return self.get_publisher_count(), 0
+
     @property
     def on_matched(self) -> Callable[[], object]:
         """A function that the event loop calls when the matching publishers change."""
@@ -349,5 +370,5 @@ def named(msg_type: Any, name: str, node: str, qos: QoS) -> TopicEndpoint:
     """Return the description of a publisher or subscription for other processes."""
     type_name, type_hash = msg_type._TYPE, msg_type._HASH
     return TopicEndpoint(
-        name, type_name, type_hash, node, qos.depth, qos.is_reliable, qos.is_latched
+        name, type_name, type_hash, node, qos.depth, qos.is_reliable, qos.is_latched, qos.timing
     )

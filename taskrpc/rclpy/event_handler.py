@@ -1,7 +1,7 @@
-"""Events of publishers and subscriptions: matches, and incompatible QoS or types.
+"""Events of topics: matches, missed deadlines, liveliness, and incompatible QoS or types.
 
-taskrpc does not watch deadlines, leases and losses. The callbacks of a program for these events
-never run; a line in the log of the program says this.
+taskrpc does not report lost messages. The callback of a program for this event never runs; a line
+in the log of the program says this.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
+from ._impl.bridge import NativePublisher, NativeSubscription
+from ._impl.execution.silence_watch import SilenceWatch
 from ._impl.graph.event_infos import (
     IncompatibleTypeInfo,
     QoSLivelinessChangedInfo,
@@ -29,18 +31,18 @@ from ._impl.graph.event_infos import (
 )
 from ._impl.node_interface import NodeInterface
 from .callback_groups import CallbackGroup
+from .constants import S_TO_NS
 from .exceptions import UnsupportedEventTypeError
 from .qos import QoSPolicyKind
 from .waitable import NumberOfEntities, Waitable
 
 if TYPE_CHECKING:
-    from ._impl.bridge import NativePublisher, NativeSubscription
+    from taskrpc.qos import Timing
+
     from .handle import Handle
 
 Callback = Callable[[Any], Any] | None
 EventType = QoSPublisherEventType | QoSSubscriptionEventType
-
-_REPORTED = ("incompatible_qos", "incompatible_type", "matched")
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -184,7 +186,12 @@ class Events:
     """The events of one publisher or subscription, which it passes to their handlers."""
 
     def __init__(
-        self, node: NodeInterface, group: CallbackGroup, callbacks: EventCallbacks, topic: str
+        self,
+        node: NodeInterface,
+        group: CallbackGroup,
+        callbacks: EventCallbacks,
+        topic: str,
+        timing: Timing | None = None,
     ) -> None:
         self._node = node
         self._topic = topic
@@ -195,21 +202,56 @@ class Events:
         self._qos_info: type[QoSOfferedIncompatibleQoSInfo] = (
             QoSRequestedIncompatibleQoSInfo if subscribes else QoSOfferedIncompatibleQoSInfo
         )
+        self._deadline_info = (
+            QoSRequestedDeadlineMissedInfo if subscribes else QoSOfferedDeadlineMissedInfo
+        )
         self._matched_info = QoSSubscriptionMatchedInfo if subscribes else QoSPublisherMatchedInfo
         self._matches = 0
         """The last reported number of matching endpoints."""
         self._native: NativePublisher | NativeSubscription | None = None
         self._watches = False
         """Whether the native endpoint reports its matches."""
+        self._liveliness = (0, 0)
+        """The last reported numbers of publishers that are alive, and that are not."""
+        self._has_lease = timing is not None and timing.lease > 0
+        self._deadline, self._lease = self._silence_watches(timing, publishes=not subscribes)
         self._handlers: tuple[EventHandler, ...] = ()
         """Replaced as a whole: the loop's thread reads it while programs add handlers."""
         self._own: list[EventHandler] = []
         """The handlers of `event_callbacks`; `destroy` destroys only these."""
-        asked = [one.name for one in dataclasses.fields(callbacks) if one.name not in _REPORTED]
-        if missing := [name for name in asked if callable(getattr(callbacks, name))]:
-            node.get_logger().warning(
-                f"taskrpc does not report these events of {topic}: {', '.join(missing)}"
-            )
+        if getattr(callbacks, "message_lost", None) is not None:
+            node.get_logger().warning(f"taskrpc does not report the event message_lost of {topic}")
+
+    def _silence_watches(
+        self, timing: Timing | None, *, publishes: bool
+    ) -> tuple[SilenceWatch | None, SilenceWatch | None]:
+        """The watches of the deadline, and of the lease that a program must renew."""
+        deadline = lease = None
+        if timing is not None and timing.deadline:
+            loop = self._node.handle.bridge.event_loop
+            period, silent = timing.deadline / S_TO_NS, self._deadline_missed
+            deadline = SilenceWatch(loop, period, silent, repeats=True)
+        if timing is not None and publishes and timing.is_manual and timing.lease:
+            loop = self._node.handle.bridge.event_loop
+            period, silent = timing.lease / S_TO_NS, self._liveliness_lost
+            lease = SilenceWatch(loop, period, silent, repeats=False, resumed=self._is_alive)
+        return deadline, lease
+
+    @property
+    def are_timed(self) -> bool:
+        """Whether they depend on when `exchanged` or `asserted` is called."""
+        return self._deadline is not None or self._lease is not None
+
+    def exchanged(self) -> None:
+        """Note that a message was published or received; from any thread."""
+        if self._deadline is not None:
+            self._deadline.happened()
+        self.asserted()
+
+    def asserted(self) -> None:
+        """Note that the program has declared its publisher alive; from any thread."""
+        if self._lease is not None:
+            self._lease.happened()
 
     def create_handlers(self, parent: Handle) -> list[EventHandler]:
         """Create the handlers of the callbacks and add them to the node."""
@@ -252,15 +294,20 @@ class Events:
         self._watch()
 
     def _watch(self) -> None:
-        if self._native is not None and not self._watches and self._of("matched"):
+        native, needed = self._native, self._of("matched")
+        if self._has_lease:
+            needed += self._of("liveliness")
+        if native is not None and not self._watches and needed:
             self._watches = True
-            self._native.watch_matches(self._matches_are)
+            native.watch_matches(self._matches_are)
 
     def _of(self, name: str) -> list[EventHandler]:
         return [each for each in self._handlers if each.event_type is self._kinds[name]]
 
     def _matches_are(self, count: int) -> None:
         """Report the number of matching endpoints; called on the thread of the event loop."""
+        if self._has_lease and isinstance(self._native, NativeSubscription):
+            self._liveliness_is(*self._native.get_liveliness())
         change, self._matches = count - self._matches, count
         if not change:
             return
@@ -275,6 +322,39 @@ class Events:
             )
             handler.happened(event)
 
+    # Called on the thread of the event loop
+
+    def _liveliness_is(self, alive: int, silent: int) -> None:
+        was_alive, was_silent = self._liveliness
+        if (alive, silent) == self._liveliness:
+            return
+        self._liveliness = alive, silent
+        event = QoSLivelinessChangedInfo(
+            alive_count=alive,
+            alive_count_change=alive - was_alive,
+            not_alive_count=silent,
+            not_alive_count_change=silent - was_silent,
+        )
+        for handler in self._of("liveliness"):
+            handler.happened(event)
+
+    def _is_alive(self) -> None:
+        if isinstance(self._native, NativePublisher):
+            self._native.set_alive(True)
+
+    def _liveliness_lost(self) -> None:
+        if isinstance(self._native, NativePublisher):
+            self._native.set_alive(False)
+        self._count("liveliness", QoSLivelinessLostInfo)
+
+    def _deadline_missed(self) -> None:
+        self._count("deadline", self._deadline_info)
+
+    def _count(self, name: str, info: type[QoSOfferedDeadlineMissedInfo]) -> None:
+        for handler in self._of(name):
+            handler.total += 1
+            handler.happened(info(total_count=handler.total, total_count_change=1))
+
     @contextlib.contextmanager
     def kept(self) -> Iterator[None]:
         """Destroy the events again if their publisher or subscription cannot be created."""
@@ -285,7 +365,10 @@ class Events:
             raise
 
     def destroy(self) -> None:
-        """Destroy the handlers of `event_callbacks`."""
+        """Destroy the handlers of `event_callbacks`, and stop watching."""
+        for watch in (self._deadline, self._lease):
+            if watch is not None:
+                watch.close()
         for handler in self._own:
             handler.destroy()
             if not isinstance(handler, _Logging):

@@ -40,6 +40,8 @@ class Publisher(Generic[MsgT]):
         self.callback_group = callback_group
         self.handle = Handle(self)
         self._events = events
+        self._timed = events if events is not None and events.are_timed else None
+        """The events, if they depend on when messages are published."""
         self.event_handlers = [] if events is None else events.create_handlers(self.handle)
         mismatch = None if events is None else events.mismatch
         native = qos_profile.to_native()
@@ -77,6 +79,8 @@ class Publisher(Generic[MsgT]):
 
     def publish_own(self, message: MsgT) -> None:
         """Send a message that the program does not know, so that no copy is needed."""
+        if self._timed is not None:
+            self._timed.exchanged()
         self._native.publish(message)
 
     def get_subscription_count(self) -> int:
@@ -85,8 +89,10 @@ class Publisher(Generic[MsgT]):
         return self._native.get_subscription_count()
 
     def assert_liveliness(self) -> None:
-        """Do nothing: this layer does not watch liveliness."""
+        """Declare that the publisher is alive, as each message does."""
         self._check("Failed to assert liveliness on the Publisher")
+        if self._timed is not None:
+            self._timed.asserted()
 
     def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
         """Wait until all published messages are on their way; always returns True."""

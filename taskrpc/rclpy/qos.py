@@ -6,7 +6,7 @@ import enum
 import warnings
 from typing import Any, Self, TypeVar
 
-from taskrpc.qos import MAX_DEPTH, QoS
+from taskrpc.qos import MAX_DEPTH, QoS, Timing
 
 from ._impl.graph.qos_policies import (
     DeadlineBestAvailable,
@@ -73,6 +73,7 @@ _POLICIES = (
     "avoid_ros_namespace_conventions",
 )
 _UNSPECIFIED = Duration()
+_NO_LIMITS = Timing()
 _DEFAULT_DEPTH = 10
 _KEEP_ALL_DEPTH = 5000
 """With KEEP_ALL: a slow subscriber must not use up the memory; DDS has such a limit, too."""
@@ -86,8 +87,7 @@ class QoSProfile:
     """The policies of a publisher, a subscription, a client or a service.
 
     Give a depth (how many messages are kept), or `history=HistoryPolicy.KEEP_ALL`. The other
-    policies default to those of `qos_profile_default`. In taskrpc, depth, history, reliability and
-    durability have effects; it only stores and compares the others.
+    policies default to those of `qos_profile_default`. In taskrpc, the lifespan has no effect.
 
     Raises InvalidQoSProfileException without depth and history, AssertionError for an unknown or
     invalid policy.
@@ -223,7 +223,14 @@ class QoSProfile:
             else min(self.depth or _DEFAULT_DEPTH, MAX_DEPTH - 1),
             reliability="reliable" if reliable else "best_effort",
             durability="transient_local" if latched else "volatile",
+            timing=self.to_timing(),
         )
+
+    def to_timing(self) -> Timing | None:
+        """The deadline and the liveliness for taskrpc; None for the defaults."""
+        is_manual = self.liveliness == LivelinessPolicy.MANUAL_BY_TOPIC
+        timing = Timing(_limit(self.deadline), _limit(self.liveliness_lease_duration), is_manual)
+        return None if timing == _NO_LIMITS else timing
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, QoSProfile) and self.to_dict() == other.to_dict()
@@ -235,6 +242,11 @@ class QoSProfile:
         return f"{type(self).__name__}({policies})"
 
     __repr__ = __str__
+
+
+def _limit(duration: Duration) -> int:
+    """The nanoseconds of a limit; 0 for none. BEST_AVAILABLE matches every endpoint."""
+    return 0 if duration >= DeadlineBestAvailable else duration.nanoseconds
 
 
 def _checked(value: object, kind: type[_T]) -> _T:

@@ -81,6 +81,8 @@ class Subscription(Entity, Generic[MsgT]):
             self._filter = self._compiled("create subscription", *content_filter_options)
         self.handle = SubscriptionHandle(self)
         self._events = events
+        self._timed = events if events is not None and events.are_timed else None
+        """The events, if they depend on when messages arrive."""
         self.event_handlers = [] if events is None else events.create_handlers(self.handle)
         mismatch = None if events is None else events.mismatch
         native = qos_profile.to_native(subscribes=True)
@@ -191,6 +193,8 @@ class Subscription(Entity, Generic[MsgT]):
         active = self._filter
         if active is not None and not active[1](message):
             return
+        if self._timed is not None:
+            self._timed.exchanged()
         now = time.time_ns()
         self._received += 1
         info = MessageInfo(

@@ -45,6 +45,11 @@ class LoopThread:
                 cls._instance = cls()
             return cls._instance
 
+    @property
+    def event_loop(self) -> asyncio.AbstractEventLoop:
+        """The event loop; only its `*_threadsafe` methods are for other threads."""
+        return self._loop
+
     def run(self, coroutine: Coroutine[Any, Any, _Result], what: str) -> _Result:
         """Run a coroutine on the loop and wait for its result."""
         try:

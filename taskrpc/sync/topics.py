@@ -52,6 +52,10 @@ class Publisher(_TopicEndpoint[MsgT]):
         self._loop.refuse_without_loop("publish()")
         self._inner.publish(message)
 
+    def set_alive(self, alive: bool) -> None:
+        """Tell the subscriptions whether it is alive; only on the loop's thread."""
+        self._inner.set_alive(alive)
+
     def get_subscription_count(self) -> int:
         """Return how many subscriptions get the messages."""
         return self._inner.get_subscription_count()
@@ -79,6 +83,10 @@ class Subscription(_TopicEndpoint[MsgT]):
     def get_publisher_count(self) -> int:
         """Return how many publishers send messages to it."""
         return self._inner.get_publisher_count()
+
+    def get_liveliness(self) -> tuple[int, int]:
+        """Return how many of the publishers are alive, and how many are not."""
+        return self._inner.get_liveliness()
 
     @property
     def received(self) -> int:

@@ -128,7 +128,7 @@ class ProgramStatistics(msgspec.Struct, frozen=True):
 
 
 OnMismatch: TypeAlias = Callable[[str], object]
-"""Called on the event loop with the difference: `TYPE`, `RELIABILITY` or `DURABILITY`."""
+"""Called on the event loop with the difference: `TYPE`, or the policy, such as `RELIABILITY`."""
 
 Deliver: TypeAlias = Callable[[Body, int], object]
 """Called with each message and the number of the read that received it. Messages of one read have

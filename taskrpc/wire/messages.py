@@ -9,6 +9,7 @@ import msgspec
 from msgspec import Meta
 
 from taskrpc.errors import ProtocolError
+from taskrpc.qos import Timing
 from taskrpc.wire.frames import Body
 
 VERSION = 1
@@ -115,6 +116,8 @@ class TopicEndpoint(msgspec.Struct, array_like=True, frozen=True):
     reliable: bool
     latched: bool
     """Whether the durability is transient_local; otherwise it is volatile."""
+    timing: Timing | None = None
+    """The deadline and the liveliness; None means no limits."""
 
 
 class Publishing(msgspec.Struct, array_like=True):
@@ -125,6 +128,8 @@ class Publishing(msgspec.Struct, array_like=True):
     publisher: TopicEndpoint
     refusal: Name = ""
     """Why the caller's role forbids its messages; "" if it does not."""
+    alive: bool | None = True
+    """None as long as its program must declare this and has not done so."""
 
 
 class Announcement(msgspec.Struct, array_like=True):

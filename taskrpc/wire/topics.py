@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Literal, TypeAlias
 
 from taskrpc.errors import ProtocolError
+from taskrpc.qos import Timing
 from taskrpc.wire import messages
 from taskrpc.wire.base_session import BaseSession
 from taskrpc.wire.events import (
@@ -23,6 +24,7 @@ from taskrpc.wire.messages import TopicEndpoint
 # Module constants: looking an enum's member up takes as long as packing a header.
 _SUBSCRIBE, _UNSUBSCRIBE = int(FrameType.SUBSCRIBE), int(FrameType.UNSUBSCRIBE)
 _PUBLISH = int(FrameType.PUBLISH)
+_NO_LIMITS = Timing()
 
 SEQUENCE_MASK = 0xFFFFFFFF
 """The bits of a sequence number that a frame carries."""
@@ -31,7 +33,7 @@ PUBLISHER_MASK = 0xFFFF
 MAX_SUBSCRIPTIONS = 4096
 """Subscriptions that one connection may have."""
 
-Mismatch: TypeAlias = Literal["TYPE", "RELIABILITY", "DURABILITY"]
+Mismatch: TypeAlias = Literal["TYPE", "RELIABILITY", "LIVELINESS", "DEADLINE", "DURABILITY"]
 """Why a publisher and a subscription of the same topic do not match."""
 
 
@@ -39,10 +41,15 @@ def mismatch_of(publisher: TopicEndpoint, subscription: TopicEndpoint) -> Mismat
     """Return why a publisher and a subscription of its topic do not match; None if they match."""
     if publisher.type_hash != subscription.type_hash:
         return "TYPE"
-    if subscription.latched and not publisher.latched:
-        return "DURABILITY"
+    # If several policies differ, DDS reports the first of this order.
     if subscription.reliable and not publisher.reliable:
         return "RELIABILITY"
+    if subscription.timing is not None:
+        refusal = (publisher.timing or _NO_LIMITS).refusal_of(subscription.timing)
+        if refusal is not None:
+            return refusal
+    if subscription.latched and not publisher.latched:
+        return "DURABILITY"
     return None
 
 

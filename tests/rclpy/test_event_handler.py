@@ -6,19 +6,26 @@ import pytest
 
 import srvgen
 from taskrpc import rclpy
+from taskrpc.rclpy.duration import Duration
 from taskrpc.rclpy.event_handler import (
     EventHandler,
     IncompatibleTypeInfo,
     QoSEventHandler,
+    QoSLivelinessChangedInfo,
+    QoSLivelinessLostInfo,
+    QoSOfferedDeadlineMissedInfo,
     QoSPublisherEventType,
     QoSPublisherMatchedInfo,
+    QoSRequestedDeadlineMissedInfo,
     QoSRequestedIncompatibleQoSInfo,
     QoSSubscriptionEventType,
     QoSSubscriptionMatchedInfo,
 )
 from taskrpc.rclpy.exceptions import InvalidHandle
 from taskrpc.rclpy.qos import (
+    LivelinessPolicy,
     QoSPolicyKind,
+    QoSProfile,
     qos_profile_sensor_data,
 )
 from taskrpc.rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCallbacks
@@ -72,10 +79,110 @@ Bool = srvgen.load("std_msgs/msg/Bool")
 def test_callbacks_for_unsupported_events_are_logged(node, capfd):
     node.create_publisher(String, "talk", 10, event_callbacks=PublisherEventCallbacks())
     assert capfd.readouterr().err == ""
-    events = SubscriptionEventCallbacks(deadline=print, message_lost=print)
+    events = SubscriptionEventCallbacks(message_lost=print)
     node.create_subscription(String, "talk", print, 10, event_callbacks=events)
-    told = "taskrpc does not report these events of talk: deadline, message_lost"
-    assert told in capfd.readouterr().err
+    assert "taskrpc does not report the event message_lost of talk" in capfd.readouterr().err
+
+
+def milliseconds(count):
+    return Duration(nanoseconds=count * 1_000_000)
+
+
+def test_missed_deadlines_are_events_of_both_sides_from_the_first_message_on(world, node):
+    offered, requested = [], []
+    qos = QoSProfile(depth=10, deadline=milliseconds(10))
+    events = SubscriptionEventCallbacks(deadline=requested.append)
+    node.create_subscription(String, "talk", lambda _: None, qos, event_callbacks=events)
+    events = PublisherEventCallbacks(deadline=offered.append)
+    publisher = node.create_publisher(String, "talk", qos, event_callbacks=events)
+    until(publisher.get_subscription_count)
+    world.executor.spin_once(0.05)
+    assert not offered + requested
+    publisher.publish(String())
+    world.spin_until(lambda: len(offered) > 1 and len(requested) > 1)
+    assert offered[1] == QoSOfferedDeadlineMissedInfo(total_count=2, total_count_change=1)
+    assert requested[1] == QoSRequestedDeadlineMissedInfo(total_count=2, total_count_change=1)
+    node.destroy_publisher(publisher)
+    count = len(requested)
+    world.spin_until(lambda: len(requested) > count)  # the subscription still waits
+
+
+def liveliness(alive, more_alive, not_alive, more_not_alive):
+    return QoSLivelinessChangedInfo(
+        alive_count=alive,
+        alive_count_change=more_alive,
+        not_alive_count=not_alive,
+        not_alive_count_change=more_not_alive,
+    )
+
+
+def test_a_publisher_that_does_not_assert_its_liveliness_loses_it(world, node):
+    lost, changed = [], []
+    qos = QoSProfile(
+        depth=10,
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+        liveliness_lease_duration=milliseconds(20),
+    )
+    events = PublisherEventCallbacks(liveliness=lost.append)
+    publisher = node.create_publisher(String, "talk", qos, event_callbacks=events)
+    events = SubscriptionEventCallbacks(liveliness=changed.append)
+    node.create_subscription(String, "talk", lambda _: None, qos, event_callbacks=events)
+    until(publisher.get_subscription_count)
+    publisher.assert_liveliness()
+    world.spin_until(lambda: lost and len(changed) == 2)
+    assert lost == [QoSLivelinessLostInfo(total_count=1, total_count_change=1)]
+    publisher.publish(String())
+    world.spin_until(lambda: len(lost) == 2 and len(changed) == 4)
+    node.destroy_publisher(publisher)
+    world.spin_until(lambda: len(changed) == 5)
+    assert changed == [
+        liveliness(1, 1, 0, 0),
+        liveliness(0, -1, 1, 1),
+        liveliness(1, 1, 0, -1),
+        liveliness(0, -1, 1, 1),
+        liveliness(0, 0, 0, -1),
+    ]
+
+
+def test_a_lease_of_the_middleware_ends_with_the_publisher(world, node):
+    changed = []
+    qos = QoSProfile(depth=10, liveliness_lease_duration=milliseconds(20))
+    events = SubscriptionEventCallbacks(liveliness=changed.append)
+    node.create_subscription(String, "talk", lambda _: None, qos, event_callbacks=events)
+    publisher = node.create_publisher(String, "talk", qos)
+    world.spin_until(lambda: changed)
+    node.destroy_publisher(publisher)
+    world.spin_until(lambda: len(changed) == 2)
+    assert changed == [liveliness(1, 1, 0, 0), liveliness(0, -1, 0, 0)]
+
+
+def test_without_a_requested_lease_liveliness_is_no_event(world, node):
+    told = []
+    events = SubscriptionEventCallbacks(
+        liveliness=told.append, matched=lambda _: told.append("matched")
+    )
+    node.create_subscription(String, "talk", lambda _: None, 10, event_callbacks=events)
+    node.create_publisher(String, "talk", 10)
+    world.spin_until(lambda: told)
+    world.executor.spin_once(0.01)
+    assert told == ["matched"]
+
+
+def test_topics_without_deadline_and_lease_are_not_watched(node):
+    publisher = node.create_publisher(String, "talk", 10)
+    subscription = node.create_subscription(String, "talk", lambda _: None, 10)
+    assert publisher._timed is None
+    assert subscription._timed is None
+
+
+def test_a_deadline_that_is_not_offered_is_incompatible_on_both_sides(world, node):
+    told = []
+    both = {"incompatible_qos": told.append}
+    node.create_publisher(String, "talk", 10, event_callbacks=PublisherEventCallbacks(**both))
+    qos, events = QoSProfile(depth=1, deadline=milliseconds(9)), SubscriptionEventCallbacks(**both)
+    node.create_subscription(String, "talk", print, qos, event_callbacks=events)
+    world.spin_until(lambda: len(told) == 2)
+    assert {each.last_policy_kind for each in told} == {QoSPolicyKind.DEADLINE}
 
 
 def test_matches_are_events_of_both_sides(world, node):

@@ -14,6 +14,8 @@ from taskrpc.errors import NameInUse, ServiceUnavailable, WouldDeadlock
 from .diagnostics.explain import like_ros, two_servers
 
 if TYPE_CHECKING:
+    import asyncio
+
     from taskrpc.deferred import DeferredCall, DeferredService
     from taskrpc.qos import QoS
     from taskrpc.sync.loop_thread import LoopThread
@@ -51,6 +53,11 @@ class Bridge:
     def namespace(self) -> str:
         """The namespace of the native node; a joined lab may have chosen it."""
         return self.native.get_namespace()
+
+    @property
+    def event_loop(self) -> asyncio.AbstractEventLoop:
+        """The loop, for what waits on its thread."""
+        return self._loop.event_loop
 
     def soon(self, action: Callable[[], object]) -> None:
         """Run a function on the loop, without waiting for it."""
@@ -146,6 +153,7 @@ class NativePublisher:
 
     def __init__(self, publisher: Publisher[Any]) -> None:
         self.publish = publisher.publish
+        self.set_alive = publisher.set_alive
         self.get_subscription_count = publisher.get_subscription_count
         self._publisher = publisher
 
@@ -167,10 +175,12 @@ class NativeSubscription:
 
     def __init__(self, subscription: Subscription[Any]) -> None:
         self.get_publisher_count = subscription.get_publisher_count
+        self.get_liveliness = subscription.get_liveliness
         self._subscription = subscription
 
     def watch_matches(self, report: Callable[[int], object]) -> None:
-        """Call `report` with the number of matching publishers, now and at each change.
+        """Call `report` with the number of matching publishers, now and at each change of it or
+        of their liveliness.
 
         It is called on the thread of the event loop.
         """

@@ -68,7 +68,8 @@ class NodeEntities:
         self._override_qos(Publisher, name, qos, qos_overriding_options)
         group = self._group(callback_group)
         node = self._node
-        events = Events(node, group, event_callbacks or PublisherEventCallbacks(), topic)
+        callbacks = event_callbacks or PublisherEventCallbacks()
+        events = Events(node, group, callbacks, topic, qos.to_timing())
         with events.kept():
             publisher = publisher_class(node, msg_type, name, qos, group, events)
         publisher.topic = topic  # as the program wrote it, as in ROS
@@ -93,7 +94,8 @@ class NodeEntities:
         self._override_qos(Subscription, name, qos, qos_overriding_options)
         group = self._group(callback_group)
         node = self._node
-        events = Events(node, group, event_callbacks or SubscriptionEventCallbacks(), topic)
+        callbacks = event_callbacks or SubscriptionEventCallbacks()
+        events = Events(node, group, callbacks, topic, qos.to_timing())
         subscription: Subscription[MsgT]
         with events.kept():
             subscription = self.subscription_class(

@@ -87,6 +87,13 @@ class Topics:
                 feed.drop_waiting()
             self._announce_soon(named.name)
 
+    def liveliness_changed(self, publisher: LocalPublisher) -> None:
+        """Tell the subscriptions whether a publisher is alive."""
+        for subscription in publisher.local:
+            subscription.publishers[publisher, 0] = publisher.alive
+            subscription.matches_changed()
+        self._announce_soon(publisher.named.name)
+
     def subscriber_of(self, connection: ServingConnection) -> SubscriberEvents:
         """Return the subscriber of a connection: the topics of its caller."""
         if connection.subscriber is None:
@@ -187,7 +194,7 @@ class Topics:
             return
         publisher.local[subscription] = None
         publisher.matches_changed()
-        subscription.publishers[publisher, 0] = publisher.named
+        subscription.publishers[publisher, 0] = publisher.alive
         subscription.matches_changed()
         if subscription.named.latched and publisher.latched is not None:
             for _, body in list(publisher.latched)[-subscription.named.depth :]:

@@ -45,6 +45,9 @@ class PublisherTopics(Protocol):
     def publisher_closed(self, publisher: LocalPublisher) -> None:
         """Remove a publisher."""
 
+    def liveliness_changed(self, publisher: LocalPublisher) -> None:
+        """Tell the subscriptions whether a publisher is alive."""
+
     def subscribed(self, subscription: RemoteSubscription) -> None:
         """Add a subscription of another process."""
 
@@ -89,6 +92,9 @@ class LocalPublisher:
         """The last messages with their sequence numbers, for later subscriptions; else None."""
         if named.latched:
             self.latched = deque(maxlen=named.depth)
+        is_manual = named.timing is not None and named.timing.is_manual
+        self.alive: bool | None = None if is_manual else True
+        """None as long as its program must declare this and has not done so."""
         self._topics = topics
         self._on_mismatch = on_mismatch
         self._warned: set[TopicEndpoint] = set()
@@ -122,6 +128,12 @@ class LocalPublisher:
             feed.send(sequence, body)
         for subscription in self.local:
             subscription.arrived_here(body)
+
+    def set_alive(self, alive: bool) -> None:
+        """Tell the subscriptions that it is alive, or that its lease has ended."""
+        if alive != self.alive:
+            self.alive = alive
+            self._topics.liveliness_changed(self)
 
     def unfeed(self, subscription: RemoteSubscription) -> None:
         """Send nothing more to a subscription, if it was matched."""
@@ -224,7 +236,8 @@ class RemoteSubscription:
         """Send it the list of this process's publishers of its topic."""
         connection = self.subscriber.connection
         publishing = [
-            Publishing(each.number, each.named, self.refusal(each)) for each in publishers
+            Publishing(each.number, each.named, self.refusal(each), each.alive)
+            for each in publishers
         ]
         wire.announce(connection.session, self.number, publishing)
         connection.flush_soon()

@@ -76,8 +76,9 @@ class LocalSubscription:
         self.number = number
         """Identifies it on every link."""
         self.decode: Callable[[Body], Any] = codec_of(msg_type).decode
-        self.publishers: dict[tuple[object, int], TopicEndpoint] = {}
-        """The matched publishers, by link and number, or (publisher, 0) in this process."""
+        self.publishers: dict[tuple[object, int], bool | None] = {}
+        """The matched publishers, by link and number, or (publisher, 0) in this process, and
+        whether they are alive; None if unknown."""
         self.lost = 0
         """Messages that publishers sent and that did not arrive."""
         self.on_matched: Callable[[], object] = _nothing
@@ -94,6 +95,12 @@ class LocalSubscription:
     def matched(self) -> int:
         """The number of matched publishers."""
         return len(self.publishers)
+
+    @property
+    def liveliness(self) -> tuple[int, int]:
+        """How many of the matched publishers are alive, and how many are not."""
+        states = list(self.publishers.values())
+        return states.count(True), states.count(False)
 
     def matches_changed(self) -> None:
         """Report that the matched publishers have changed."""
@@ -124,7 +131,7 @@ class LocalSubscription:
         self.forget_counts(lambda peer_id, n: peer_id == link.peer_id and n not in numbers)
         for each in publishers:
             if self._matches(each):
-                self.publishers[link, each.number] = each.publisher
+                self.publishers[link, each.number] = each.alive
         self.matches_changed()
 
     def forget(self, link: SubscriptionLink) -> None:

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from taskrpc.qos import Timing
 from taskrpc.wire import topics
 from taskrpc.wire.events import Closed, MessageReceived, PublishersReceived, SubscribeReceived
 from taskrpc.wire.frames import LARGE, FrameType, pack_frame
@@ -11,14 +12,19 @@ from taskrpc.wire.messages import Publishing, TopicEndpoint
 from tests.taskrpc.wire.helpers import open_pair, receive
 
 names = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=20)
+times = st.integers(0, 2**63 - 1)
+timings = st.none() | st.builds(Timing, times, times, st.booleans())
 endpoints = st.builds(
-    TopicEndpoint, names, names, names, names, st.integers(1, 2**31), st.booleans(), st.booleans()
+    TopicEndpoint,
+    *(names, names, names, names),
+    *(st.integers(1, 2**31), st.booleans(), st.booleans(), timings),
 )
 u32 = st.integers(0, 2**32 - 1)
 
 
-def endpoint(type_hash="h", *, reliable=True, latched=False):
-    return TopicEndpoint("/t", "a/msg/T", type_hash, "/n", 10, reliable, latched)
+def endpoint(type_hash="h", *, reliable=True, latched=False, **timing):
+    limits = Timing(**timing) if timing else None
+    return TopicEndpoint("/t", "a/msg/T", type_hash, "/n", 10, reliable, latched, limits)
 
 
 @given(u32, endpoints, st.integers(1, 100))
@@ -31,7 +37,9 @@ def test_a_subscription_arrives(number, wanted, piece):
     assert unsubscribed.subscription_id == number
 
 
-publishings = st.builds(Publishing, st.integers(0, 0xFFFF), endpoints, names)
+publishings = st.builds(
+    Publishing, st.integers(0, 0xFFFF), endpoints, names, st.sampled_from([True, False, None])
+)
 
 
 @given(u32, st.lists(publishings, max_size=5))
@@ -72,10 +80,27 @@ def test_a_large_message_arrives_between_calls(size):
         (endpoint(), endpoint(latched=True), "DURABILITY"),
         (endpoint(latched=True), endpoint(), None),
         (endpoint(reliable=False), endpoint(reliable=False), None),
+        (endpoint(), endpoint(deadline=5), "DEADLINE"),
+        (endpoint(deadline=6), endpoint(deadline=5), "DEADLINE"),
+        (endpoint(deadline=5), endpoint(deadline=5), None),
+        (endpoint(deadline=5), endpoint(), None),
+        (endpoint(), endpoint(is_manual=True), "LIVELINESS"),
+        (endpoint(is_manual=True), endpoint(), None),
+        (endpoint(), endpoint(lease=5), "LIVELINESS"),
+        (endpoint(lease=6), endpoint(lease=5), "LIVELINESS"),
+        (endpoint(lease=4), endpoint(lease=5), None),
+        (endpoint(lease=4), endpoint(), None),
     ],
 )
 def test_publishers_and_subscriptions_match_by_type_and_qos(publisher, subscription, mismatch):
     assert topics.mismatch_of(publisher, subscription) == mismatch
+
+
+def test_of_several_policies_the_one_of_fast_dds_is_reported():
+    everything = endpoint(latched=True, deadline=5, is_manual=True)
+    assert topics.mismatch_of(endpoint(reliable=False), everything) == "RELIABILITY"
+    assert topics.mismatch_of(endpoint(), everything) == "LIVELINESS"
+    assert topics.mismatch_of(endpoint(is_manual=True), everything) == "DEADLINE"
 
 
 @pytest.mark.parametrize(

@@ -65,6 +65,8 @@ NATIVE_TOPICS = dict.fromkeys(
 FOREIGN_TOPICS = NATIVE_TOPICS | {
     "test_publishers_of_one_topic_never_share_a_number": "the middleware's publishers have no"
     " numbers of taskrpc",
+    "test_a_subscription_knows_whether_its_publishers_are_alive": "the middleware does not pass on"
+    " whether publishers are alive",
 }
 """What a transport lacks, too, whose topics are not taskrpc's own, as in the memory engine."""
 

@@ -7,6 +7,7 @@ import pytest
 import srvgen
 import taskrpc
 from taskrpc import QoS
+from taskrpc.qos import Timing
 from tests.taskrpc.transport.helpers import until, until_seen
 
 String = srvgen.load("std_msgs/msg/String")
@@ -345,10 +346,35 @@ async def test_a_mismatch_callback_replaces_the_log_line(net, caplog):
         Int32, "counts", QoS(reliability="best_effort"), on_mismatch=offered.append
     )
     listener.create_subscription(Int32, "counts", print, on_mismatch=wanted.append)
-    talker.create_subscription(Int32, "counts", print, LATCHED, on_mismatch=wanted.append)
+    latched = QoS(3, "best_effort", "transient_local")
+    talker.create_subscription(Int32, "counts", print, latched, on_mismatch=wanted.append)
     await until(lambda: len(offered) == len(wanted) == 2)
     assert sorted(offered) == sorted(wanted) == ["DURABILITY", "RELIABILITY"]
     assert not caplog.records
+
+
+async def test_a_subscription_knows_whether_its_publishers_are_alive(net):
+    manual = QoS(timing=Timing(lease=10**9, is_manual=True))
+    talker, listener = await net.node("talker"), await net.node("listener")
+    publisher = talker.create_publisher(Int32, "counts", manual)
+    near, far = (
+        each.create_subscription(Int32, "counts", print, manual) for each in (talker, listener)
+    )
+    await until(lambda: publisher.get_subscription_count() == 2)
+    await until(far.get_publisher_count)
+    told = []
+    far.on_matched = lambda: told.append(far.get_liveliness())
+    assert far.get_liveliness() == near.get_liveliness() == (0, 0)  # it was not declared yet
+
+    async def both_see(expected):
+        await until(lambda: told[-1:] == [expected] == [near.get_liveliness()])
+
+    publisher.set_alive(True)
+    await both_see((1, 0))
+    publisher.set_alive(False)
+    await both_see((0, 1))
+    publisher.destroy()
+    await both_see((0, 0))
 
 
 async def test_many_subscriptions_made_at_once_look_for_publishers_together(net, monkeypatch):
