@@ -113,6 +113,11 @@ def is_hidden(name: str) -> bool:
     return "/_" in name or name.startswith("_")
 
 
+def is_hidden_node(name: str) -> bool:
+    """Return whether lists of nodes omit a node: only its own name decides, not its namespace."""
+    return name.rpartition("/")[2].startswith("_")
+
+
 def fully_qualified(namespace: str, node: str) -> str:
     """Return `/robot1/server` for the namespace `/robot1` and the node's name `server`."""
     return f"{namespace.rstrip('/')}/{node}"

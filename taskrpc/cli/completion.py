@@ -36,7 +36,7 @@ def _topics(_: Namespace) -> Iterable[str]:
 
 
 def _nodes(_: Namespace) -> Iterable[str]:
-    return [name for each in _entries() for name in each.nodes if not names.is_hidden(name)]
+    return [name for each in _entries() for name in each.nodes if not names.is_hidden_node(name)]
 
 
 def _interfaces(kind: str) -> Iterable[str]:

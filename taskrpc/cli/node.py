@@ -30,7 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     commands = add_group(parser)
     info = add_command(commands, "info", "Output information about a node")
     info.add_argument("node_name", help="Fully qualified node name (e.g. '/task_server')")
-    what = "Display hidden services as well"
+    what = "Display hidden topics, services, and actions as well"
     info.add_argument("--include-hidden", action="store_true", help=what)
     info.set_defaults(run=_info)
     listing = add_command(commands, "list", "Output a list of available nodes")
@@ -48,7 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def _list(options: argparse.Namespace) -> int:
     entries = graph.look(remote_of(options))
     found = sorted(name for entry in entries for name in entry.nodes)
-    shown = [name for name in found if options.all or not names.is_hidden(name)]
+    shown = [name for name in found if options.all or not names.is_hidden_node(name)]
     if len(set(shown)) < len(shown) and not options.count_nodes:
         problem = "there are nodes in the graph that share an exact name"
         effect = "which can have unintended side effects"
@@ -59,15 +59,19 @@ def _list(options: argparse.Namespace) -> int:
 def _info(options: argparse.Namespace) -> int:
     entries = graph.look(remote_of(options))
     name = quoting.expanded(options.node_name, kind="node name")
-    known = [node for entry in entries for node in entry.nodes]
+    running = [node for entry in entries for node in entry.nodes]
+    hidden = options.include_hidden
+    known = [node for node in running if hidden or not names.is_hidden_node(node)]
     if (count := known.count(name)) > 1:
         several = f'There are {count} nodes in the graph with the exact name "{name}".'
         print(f"{several} You are seeing information about all of them.", file=sys.stderr)
     if name not in known:
         from srvgen.definitions.names import did_you_mean
 
-        raise hinted(NotFound(f"Unable to find node '{name}'"), did_you_mean(name, known))
-    hidden = options.include_hidden
+        hint = did_you_mean(name, known)
+        if name in running:
+            hint = f"{name} is hidden; add --include-hidden"
+        raise hinted(NotFound(f"Unable to find node '{name}'"), hint)
     sections: dict[str, dict[str, str]] = {section: {} for section in _SECTIONS}
     sections["Subscribers"] = _of_node(name, (e.subscriptions for e in entries), hidden)
     sections["Publishers"] = _of_node(name, (e.publishers for e in entries), hidden)

@@ -129,7 +129,8 @@ async def _with_node(options: argparse.Namespace) -> Exit:
         deadline = asyncio.get_running_loop().time() + options.timeout
         while True:
             try:
-                checked_owner(options.node_name, await entries_of(remote, node))
+                entries = await entries_of(remote, node)
+                checked_owner(options.node_name, entries, hidden=options.include_hidden_nodes)
                 break
             except NotFound:
                 if asyncio.get_running_loop().time() >= deadline:
@@ -156,10 +157,11 @@ async def _list_all(options: argparse.Namespace) -> Exit:
     remote = remote_of(options)
     async with remote.node() as node:
         entries = await entries_of(remote, node)
+        hidden = options.include_hidden_nodes
         if options.node_name:
-            found = [checked_owner(expanded(options.node_name, kind="node name"), entries)]
+            name = expanded(options.node_name, kind="node name")
+            found = [checked_owner(name, entries, hidden=hidden)]
         else:
-            hidden = options.include_hidden_nodes
             found = [name for name in owners(entries) if hidden or not names.is_hidden(name)]
         for owner in found:
             lines = await _lines(ParamServices(node, owner, RESPONSE_TIMEOUT), options)

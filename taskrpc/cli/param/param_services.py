@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import srvgen
+from taskrpc import names
 from taskrpc.cli.shared.command import NotFound, hinted
 from taskrpc.node import Node
 from taskrpc.transport.discovery.entries import RegistryEntry
@@ -62,11 +63,15 @@ def owners(entries: Iterable[RegistryEntry]) -> list[str]:
     return sorted(name.removesuffix(end) for name in names if name.endswith(end))
 
 
-def checked_owner(name: str, entries: Iterable[RegistryEntry]) -> str:
-    """Return the name of a running node. Raises NotFound if no such node runs."""
+def checked_owner(name: str, entries: Iterable[RegistryEntry], *, hidden: bool) -> str:
+    """Return the name of a running node; a hidden one only with `hidden`. Raises NotFound."""
     from srvgen.definitions.names import did_you_mean
 
-    known = {node for entry in entries for node in entry.nodes}
-    if name not in known:
-        raise hinted(NotFound("Node not found"), did_you_mean(name, known))
-    return name
+    running = {node for entry in entries for node in entry.nodes}
+    known = {node for node in running if hidden or not names.is_hidden_node(node)}
+    if name in known:
+        return name
+    hint = did_you_mean(name, known)
+    if name in running:
+        hint = f"{name} is hidden; add --include-hidden-nodes"
+    raise hinted(NotFound("Node not found"), hint)

@@ -93,8 +93,9 @@ HIDDEN = RegistryEntry(
 @pytest.mark.parametrize(
     ("listing", "option", "seen", "hidden"),
     [
-        (("node", "list"), "-a", ["/seen"], ["/_lab/plain", "/lab/_secret"]),
-        (("node", "list"), "--all", ["/seen"], ["/_lab/plain", "/lab/_secret"]),
+        # As in ros2, a hidden namespace does not hide its nodes.
+        (("node", "list"), "-a", ["/_lab/plain", "/seen"], ["/lab/_secret"]),
+        (("node", "list"), "--all", ["/_lab/plain", "/seen"], ["/lab/_secret"]),
         (("service", "list"), "--include-hidden-services", ["/a"], ["/_c/d", "/a/_b"]),
         (("service", "find", ADD), "--include-hidden-services", ["/a"], ["/_c/d", "/a/_b"]),
         (("topic", "list"), "--include-hidden-topics", ["/t"], ["/_v/w", "/t/_u"]),
@@ -117,6 +118,17 @@ def test_names_with_a_hidden_part_are_listed_and_counted_on_request_only(
     for count in ("-c", "--count"):
         assert run(*listing, count) == (0, f"{len(seen)}\n", "")
         assert run(*listing, count, option) == (0, f"{len(everything)}\n", "")
+
+
+def test_a_hidden_node_has_no_info_without_the_option(run, monkeypatch):
+    monkeypatch.setattr("taskrpc.cli.shared.graph.look", lambda remote: [HIDDEN])
+    code, out, err = run("node", "info", "/lab/_secret")
+    assert (code, out) == (1, "")
+    assert err == (
+        "Unable to find node '/lab/_secret'\n  hint: /lab/_secret is hidden; add --include-hidden\n"
+    )
+    assert run("node", "info", "/lab/_secret", "--include-hidden")[0] == 0
+    assert run("node", "info", "/_lab/plain")[0] == 0
 
 
 def test_empty_lists_print_nothing_and_count_0(run, monkeypatch):

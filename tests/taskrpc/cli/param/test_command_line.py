@@ -11,7 +11,7 @@ from taskrpc.cli.main import main
 pytestmark = pytest.mark.real_time
 
 PROGRAM = """
-import rclpy
+import rclpy.executors
 from rclpy.node import Node
 from rcl_interfaces.msg import IntegerRange, ParameterDescriptor
 
@@ -23,8 +23,13 @@ within = IntegerRange(from_value=0, to_value=10, step=1)
 node.declare_parameter("count", 5, ParameterDescriptor(integer_range=[within]))
 node.declare_parameter("some.list", [1, 2, 3])
 node.declare_parameter("fixed", True, ParameterDescriptor(read_only=True))
+hidden = Node("_hidden")
+hidden.declare_parameter("name", "hal")
 print("up", flush=True)
-rclpy.spin(node)
+executor = rclpy.executors.SingleThreadedExecutor()
+executor.add_node(node)
+executor.add_node(hidden)
+executor.spin()
 """
 
 
@@ -185,3 +190,14 @@ def test_missing_file_is_one_line(param):
         "",
         "cannot read nowhere.yaml: No such file or directory\n",
     )
+
+
+def test_a_hidden_node_is_found_with_the_option_only(param):
+    refused = "Node not found\n  hint: /_hidden is hidden; add --include-hidden-nodes\n"
+    option = "--include-hidden-nodes"
+    assert param("get", "/_hidden", "name") == (1, "", refused)
+    assert param("list", "/_hidden") == (1, "", refused)
+    assert param("get", "/_hidden", "name", option) == (0, "String value is: hal\n", "")
+    assert "  name\n" in param("list", "/_hidden", option)[1]
+    assert "/_hidden" not in param("list")[1]
+    assert "/_hidden:\n" in param("list", option)[1]
