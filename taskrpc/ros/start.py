@@ -21,6 +21,9 @@ _NAMES = (
     "tf2_ros",
 )
 
+_OF_PYTHON = ("sitecustomize", "usercustomize")
+"""Modules that each start of Python tries to import."""
+
 _MOST = 100
 """Most names in a folder that are read: a workspace has few."""
 
@@ -48,7 +51,9 @@ class _Watcher:
         self, name: "str", path: "Sequence[str] | None" = None, target: "object" = None
     ) -> "ModuleSpec | None":
         global _over
-        if _over or path is not None or name in sys.stdlib_module_names or not self.is_wanted(name):
+        if _over or path is not None or name in _OF_PYTHON or name in sys.stdlib_module_names:
+            return None
+        if not self.is_wanted(name):
             return None
         _over = True  # the hook itself imports
         try:

@@ -142,6 +142,18 @@ def test_programs_without_ros_load_nothing_of_taskrpc(enabled):
     assert enabled.run("-c", code) == (0, "No module named 'nope_nope'\n[]\n", "")
 
 
+def test_python_in_a_workspace_starts_with_one_more_module_only(environment):
+    code = "import sys; print(len(sys.modules))"
+    package = environment.folder / "src" / "arm"
+    package.mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>arm</name></package>")
+    before = int(environment.run("-c", code)[1])
+    assert environment.ros("enable")[0] == 0
+    assert int(environment.run("-c", code)[1]) == before + 1
+    environment.cwd = package  # a program of the package
+    assert int(environment.run("-c", code)[1]) == before + 1
+
+
 def test_disable_removes_everything(enabled):
     assert enabled.run("-c", "import rclpy") == (0, "", "")
     assert enabled.ros("status")[1].startswith("enabled: ")
