@@ -2,10 +2,10 @@
 
 import os
 import subprocess
-import sysconfig
 import venv
 from pathlib import Path
 
+import msgspec
 import pytest
 
 import taskrpc
@@ -22,7 +22,7 @@ class Environment:
         venv.create(folder, symlinks=os.name != "nt")
         self.folder = folder
         self.python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-        self.path = os.pathsep.join([_CHECKOUT, sysconfig.get_path("purelib")])
+        self.path = os.pathsep.join([_CHECKOUT, str(Path(msgspec.__file__).parents[1])])
         self.cwd = folder
 
     def run(self, *arguments, **environment):
