@@ -69,6 +69,10 @@ class Timer(Entity):
         self._context = get_default_context() if context is None else context
         if timer_period_ns < 0:
             raise RCLError("failed to create timer: timer period must be non-negative")
+        if timer_period_ns >= 2**63:
+            raise TypeError(
+                f"failed to create timer: expected a period below 2**63 ns, got {timer_period_ns}"
+            )
         self._context.check_valid("failed to create timer")
         self.handle = Handle(self)
         self.callback = callback

@@ -106,6 +106,11 @@ def test_a_negative_period_is_refused(fake, clock):
         fake.timer(-1, None, clock)
 
 
+def test_a_period_of_more_than_63_bits_is_refused(fake, clock):
+    with pytest.raises(TypeError, match=r"expected a period below 2\*\*63 ns"):
+        fake.timer(2**63 / 10**9, None, clock)
+
+
 def test_a_destroyed_timer_is_silent_and_cannot_be_used(executor, fake, clock):
     with fake.timer(1, None, clock) as timer:
         pass

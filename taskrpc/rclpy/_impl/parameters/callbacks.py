@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import Any, TypeAlias
 
+import srvgen
+
 from ...parameter import Parameter
 
+SetParametersResult = srvgen.load("rcl_interfaces/msg/SetParametersResult")
 PreSetCallback: TypeAlias = Callable[[list[Parameter]], list[Parameter]]
 OnSetCallback: TypeAlias = Callable[[list[Parameter]], Any]
 PostSetCallback: TypeAlias = Callable[[list[Parameter]], None]
@@ -47,15 +51,19 @@ class ParameterCallbacks:
     def _rejection(self, parameters: list[Parameter]) -> Any:
         """The result of the first callback that rejects the parameters; None if all accept them.
 
-        Raises AttributeError if a callback does not return a SetParametersResult.
+        A callback that returns no SetParametersResult rejects them, with a warning.
         """
         for callback in self.on_set_callbacks:
             result = callback(parameters)
             if not hasattr(result, "successful"):
                 name = getattr(callback, "__name__", repr(callback))
-                raise AttributeError(
+                warnings.warn(
                     f"the callback {name} of add_on_set_parameters_callback returned {result!r},"
-                    " expected a SetParametersResult, which has 'successful'"
+                    " expected a SetParametersResult: the parameters are not set",
+                    stacklevel=2,
+                )
+                return SetParametersResult(
+                    successful=False, reason="Callback returned an invalid type"
                 )
             if not result.successful:
                 return result

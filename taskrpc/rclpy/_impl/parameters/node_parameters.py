@@ -20,13 +20,12 @@ from ...qos import qos_profile_parameter_events
 from ..arguments import Arguments, overrides_of
 from ..node_interface import NodeInterface
 from . import checks
-from .callbacks import ParameterCallbacks
+from .callbacks import ParameterCallbacks, SetParametersResult
 from .declarations import ParameterDescriptor, declaration
 
 ListParameters = srvgen.load("rcl_interfaces/srv/ListParameters")
 ListParametersResult = srvgen.load("rcl_interfaces/msg/ListParametersResult")
 ParameterEvent = srvgen.load("rcl_interfaces/msg/ParameterEvent")
-SetParametersResult = srvgen.load("rcl_interfaces/msg/SetParametersResult")
 
 PARAMETER_EVENTS = "/parameter_events"
 """The topic on which every node publishes the changes of its parameters."""
