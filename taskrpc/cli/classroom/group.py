@@ -11,10 +11,10 @@ import srvgen
 from taskrpc.classroom.archive import summary, write_archive
 from taskrpc.classroom.attendance import Attendance
 from taskrpc.classroom.register import Register
+from taskrpc.classroom.resetting import begin_again, end_all
 from taskrpc.errors import Code, HandlerError, StoreError
 from taskrpc.node import Node
 from taskrpc.security.roles import Role
-from taskrpc.tasks.resetting import begin_again, end_all
 from taskrpc.tasks.server import TaskServer
 
 RESET = "robot_task/reset"

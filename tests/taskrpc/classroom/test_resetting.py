@@ -4,12 +4,13 @@ import asyncio
 
 import pytest
 
+from taskrpc.classroom.resetting import begin_again, end_all
 from taskrpc.errors import StoreError
 from taskrpc.robot import KinematicRobot, default_world
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import TaskState
 from taskrpc.tasks.records.store import MemoryStore
-from taskrpc.tasks.resetting import begin_again, end_all
+from tests.taskrpc.tasks.conftest import Scene
 
 
 @pytest.fixture
@@ -18,6 +19,15 @@ async def manager():
     await manager.start()
     yield manager
     await manager.close()
+
+
+@pytest.fixture
+async def scene():
+    scene = Scene(settle=0.0)
+    await scene.manager.start()
+    yield scene
+    scene.store.is_full = False
+    await scene.manager.close()
 
 
 async def submit(manager, *targets):
