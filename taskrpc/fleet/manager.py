@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextvars import copy_context
 from functools import partial
 
+import msgspec
+
 from taskrpc.errors import TaskRpcError
 from taskrpc.fleet import rules
 from taskrpc.fleet.lease import LeaseKeeper, Report
@@ -20,13 +22,21 @@ from taskrpc.fleet.state import FleetState
 from taskrpc.fleet.store import FleetStore, RequestKey
 from taskrpc.fleet.worker import FleetWorker
 from taskrpc.robot.protocol import Robot
+from taskrpc.tasks import rules as requests
 from taskrpc.tasks.managed import Completing, QueueSettings, RobotStatus
 from taskrpc.tasks.managed_robot import ManagedRobot
 from taskrpc.tasks.model import RUNNING_KEY, EstimateChange, OrderKey, Task, TaskState
 from taskrpc.tasks.queue.estimate_log import DelayLog
 from taskrpc.tasks.records.change_feed import ChangeFeed
-from taskrpc.tasks.responses import Resumed, TaskResponse, by_client, unstored_note
-from taskrpc.tasks.task_execution import TaskExecution
+from taskrpc.tasks.responses import (
+    Resumed,
+    TaskResponse,
+    by_client,
+    commanded,
+    queue_text,
+    stopped_note,
+    unstored_note,
+)
 
 _log = logging.getLogger("taskrpc.fleet")
 
@@ -84,7 +94,7 @@ class FleetManager(ManagedRobot):
             on_joined=self._joined,
         )
         """This server's lease on its robot."""
-        self._worker = FleetWorker(
+        self._worker: FleetWorker = FleetWorker(
             self.name,
             self._robot_guard,
             store,
@@ -150,15 +160,11 @@ class FleetManager(ManagedRobot):
     def __str__(self) -> str:
         """The state of the queue as a sentence for users."""
         state = self.store.state
-        waiting, begun = len(state), len(state.begun)
-        parts = [f"{waiting or 'no'} task{'' if waiting == 1 else 's'} in the queue"]
-        if begun:
-            parts.append(f"{begun} task{' is' if begun == 1 else 's are'} running")
-        robots = len(state.live_robots(self.store.now()))
-        parts.append(f"{robots} robot{'' if robots == 1 else 's'}")
-        if self.is_paused:
-            parts.append("the queue is paused")
-        return ", ".join(parts)
+        begun, robots = len(state.begun), len(state.live_robots(self.store.now()))
+        doing = [f"{begun} task{' is' if begun == 1 else 's are'} running"] if begun else []
+        doing.append(f"{robots} robot{'' if robots == 1 else 's'}")
+        interrupted = len(state.interrupted)
+        return queue_text(len(state), *doing, paused=self.is_paused, interrupted=interrupted)
 
     @property
     def queue(self) -> FleetState:
@@ -169,10 +175,6 @@ class FleetManager(ManagedRobot):
     def is_paused(self) -> bool:
         """Whether no robot begins a task until `resume`."""
         return self.store.state.meta.paused or self._worker.is_held
-
-    @property
-    def _execution(self) -> TaskExecution | None:
-        return self._worker.execution
 
     def begun(self) -> Iterable[tuple[OrderKey, Task]]:
         """Return the tasks that robots execute, each with its place before the queue."""
@@ -279,7 +281,7 @@ class FleetManager(ManagedRobot):
                 now,
                 task,
                 account=account,
-                refusal=partial(self._own_robot.refusal, state, now),
+                unable=self._own_robot.refusal(state, now, task_type, target),
                 queue_limit=settings.queue_limit,
                 share=settings.share,
                 estimated=partial(self._estimate_in, state, now),
@@ -297,52 +299,38 @@ class FleetManager(ManagedRobot):
 
     async def cancel(self, task_id: int, *, client: str = "") -> TaskResponse:
         """Cancel a queued or running task, wherever it runs."""
-        if execution := self._running(task_id):
-            # Halt this server's own robot before anything is stored.
-            try:
-                await execution.cancel(by_client("cancelled", client))
-                is_over = await self._worker.ends_soon(execution)
-            except TaskRpcError as error:
-                note = unstored_note(error)
-                return TaskResponse(True, f"Task {task_id} is being cancelled{note}", task_id)
-            if not is_over:
-                return TaskResponse(True, f"Task {task_id} is being cancelled", task_id)
-        response = await self.store.transact(
-            lambda state, now: rules.cancel(state, now, task_id, client)
+        if response := await self._cancel_running(task_id, client):
+            return response
+        response = await self._change(
+            task_id, lambda task, now: requests.cancel(task, task_id, now, client)
         )
         task = self.repository.find(task_id)
-        if task is not None and task.state is TaskState.CANCELING:
-            await self._ended_soon(task_id)
-            task = self.repository.find(task_id)
-        if task is not None and response.success and task.state is TaskState.CANCELED:
-            return TaskResponse(True, f"Task {task_id} was cancelled", task_id)
-        return response
+        if task is None or task.state is not TaskState.CANCELING:
+            return response
+        await self._ended_soon(task_id)  # another server halts its robot
+        task = self.repository.find(task_id)
+        return requests.halted(task, is_over=task.state.is_ended) if task else response
 
     async def drop(self, task_id: int, *, client: str = "") -> TaskResponse:
         """Cancel a queued or interrupted task without running it."""
-        return await self.store.transact(lambda state, now: rules.drop(state, now, task_id, client))
+        return await self._change(
+            task_id, lambda task, now: requests.drop(task, task_id, now, client)
+        )
 
     async def reprioritise(self, task_id: int, priority: int) -> TaskResponse:
         """Move a queued task to another priority."""
-        return await self.store.transact(
-            lambda state, now: rules.reprioritise(
-                state, now, task_id, priority, partial(self._estimate_in, state, now)
-            )
+        return await self._change(
+            task_id, lambda task, _: requests.reprioritise(task, task_id, priority)
         )
 
     async def requeue(self, task_id: int, *, resume: bool = False) -> TaskResponse:
         """Queue an interrupted, failed or cancelled task again; see `TaskManager.requeue`."""
-        return await self.store.transact(
-            lambda state, now: rules.requeue(
-                state,
-                now,
-                task_id,
-                resume=resume,
-                refusal=partial(self._own_robot.refusal, state, now),
-                queue_limit=self._settings.queue_limit,
-                estimated=partial(self._estimate_in, state, now),
-            )
-        )
+
+        def decide(task: Task | None, now: float) -> requests.Decision:
+            refusal = partial(self._requeue_refusal, now)
+            return requests.requeue(task, task_id, resume=resume, refusal=refusal)
+
+        return await self._change(task_id, decide)
 
     async def pause(self, *, robot: str = "") -> TaskResponse:
         """Halt all robots during their tasks and begin no other task; or only one `robot`."""
@@ -353,18 +341,19 @@ class FleetManager(ManagedRobot):
             rules.pause(state, True)
             return TaskResponse(True, "The queue is paused")
 
+        is_own = robot in ("", self.name)
         try:
-            return await self.store.transact(action)
+            response = await self.store.transact(action)
         except TaskRpcError as error:  # at least this server's own robot halts
-            if robot not in ("", self.name):
+            if not is_own:
                 raise
             self._worker.is_held = True
             failure = ""
             with contextlib.suppress(TaskRpcError):  # the robot has halted before it is stored
                 failure = await self._worker.pause()
-            if failure:
-                return TaskResponse(False, f"Only {self.name} is paused, but {failure}")
-            return TaskResponse(True, f"Only {self.name} is paused{unstored_note(error)}")
+            note = "" if failure else unstored_note(error)
+            return commanded(f"Only {self.name} is paused{note}", failure)
+        return await self._followed(response) if is_own else response
 
     async def resume(self, *, robot: str = "") -> TaskResponse:
         """Continue after a pause or a stop of all robots, or of one `robot`.
@@ -382,10 +371,12 @@ class FleetManager(ManagedRobot):
             return TaskResponse(True, f"The queue is resumed{note}{hint}")
 
         response = await self.store.transact(action)
-        if self._worker.is_held and robot in ("", self.name):
+        if robot not in ("", self.name):
+            return response
+        if self._worker.is_held:
             self._worker.is_held = False
-            await self._worker.resume()
-        return response
+            return commanded(response.message, await self._worker.resume())
+        return await self._followed(response)
 
     async def stop(self, *, client: str = "", robot: str = "") -> TaskResponse:
         """Halt all robots at once and pause the queue, or halt and pause one `robot`.
@@ -393,21 +384,22 @@ class FleetManager(ManagedRobot):
         The running tasks end CANCELED.
         """
         reason = by_client(f"{robot} was stopped" if robot else "the robots were stopped", client)
-        failure = ""
+        failure, begun = "", []
         if is_own := robot in ("", self.name):
             # This server's own robot does not wait for the database, and begins no other task.
             self._worker.is_held = True
+            begun = [execution.task.task_id] if (execution := self._worker.execution) else []
             failure = await self._worker.halt(reason)
 
-        def action(state: FleetState, now: float) -> TaskResponse:
+        def action(state: FleetState, now: float) -> tuple[TaskResponse, list[int]]:
+            halted = rules.executed_by(state, robot)
             if robot:
-                return rules.stop_robot(state, now, robot, reason)
+                return rules.stop_robot(state, now, robot, reason), halted
             rules.stop(state, reason)
-            return TaskResponse(True, "The robots are stopped and the queue is paused")
+            return TaskResponse(True, "The robots are stopped and the queue is paused"), halted
 
-        stopped = self.store.state.robots.get(robot)
         try:
-            response = await self.store.transact(action)
+            response, halted = await self.store.transact(action)
         except TaskRpcError as error:
             if not is_own:
                 raise
@@ -416,13 +408,39 @@ class FleetManager(ManagedRobot):
         if is_own:
             self._worker.is_held = False  # now the database holds it
         if failure:
-            paused = f"{robot} is paused" if robot else "The queue is paused"
-            return TaskResponse(False, f"{paused}, but {failure}")
-        if stopped is not None and stopped.task_id:
-            await self._ended_soon(stopped.task_id)
-        return response
+            return commanded(f"{robot} is paused" if robot else "The queue is paused", failure)
+        if robot and halted:
+            await self._ended_soon(halted[0])
+        return self._with_stopped(response, [*begun, *halted])
 
     # Internals
+
+    async def _change(
+        self, task_id: int, decide: Callable[[Task | None, float], requests.Decision]
+    ) -> TaskResponse:
+        """Let a rule decide about a task in a transaction; returns the response."""
+
+        def action(state: FleetState, now: float) -> TaskResponse:
+            decision = decide(state.tasks.get(task_id), now)
+            return rules.carry_out(state, now, decision, partial(self._estimate_in, state, now))
+
+        return await self.store.transact(action)
+
+    def _requeue_refusal(self, now: float, task: Task) -> str:
+        state = self.store.state
+        unable = self._own_robot.refusal(state, now, task.task_type, task.target)
+        return requests.refusal(unable, task.priority, state, self._settings.queue_limit)
+
+    async def _followed(self, response: TaskResponse) -> TaskResponse:
+        """Return the response to a pause or a resume once this server's robot has followed it."""
+        failure = await self._worker.followed()
+        return commanded(response.message, failure) if response.success else response
+
+    def _with_stopped(self, response: TaskResponse, task_ids: Sequence[int]) -> TaskResponse:
+        """Return the response to a stop with what has become of the tasks that ran."""
+        found = (self.repository.find(task_id) for task_id in dict.fromkeys(task_ids))
+        note = stopped_note([task for task in found if task is not None])
+        return msgspec.structs.replace(response, message=response.message + note)
 
     async def _ended_soon(self, task_id: int) -> None:
         deadline = self.store.now() + _FOLLOW_CANCEL

@@ -26,7 +26,7 @@ def waits_for(state: FleetState, now: float, task: Task) -> str:
 def refuse_unable(state: FleetState, now: float, task_type: str, target: str) -> str:
     """Return that no robot can execute a task, with what the robots offer instead."""
     robots = state.live_robots(now) or state.known_robots(now)
-    known = sorted({each for robot in robots for each in robot.task_types})
+    known = list(dict.fromkeys(each for robot in robots for each in robot.task_types))
     if task_type not in known:
         return unknown_type(task_type, known)
     offers: dict[str, list[str]] = {}

@@ -1,4 +1,6 @@
-"""What a transaction of a fleet may change: leases, submissions, claims, ends. All rules are pure.
+"""What a transaction of a fleet may change: leases, claims, ends, requests. All rules are pure.
+
+What a request does to a task is decided in `taskrpc.tasks.rules`, as for a server of one robot.
 
 Each function reads and changes the state inside one transaction. `now` is the database's clock, in
 seconds since 1970: no server's clock decides anything.
@@ -18,19 +20,9 @@ from taskrpc.fleet.offers import waits_for
 from taskrpc.fleet.plan import HORIZON, FleetPlan, Planned, Planner
 from taskrpc.fleet.state import FleetState
 from taskrpc.robot.protocol import Plan, Pose
+from taskrpc.tasks import rules as requests
 from taskrpc.tasks.model import Task, TaskState
-from taskrpc.tasks.responses import (
-    SERVER_ENDED,
-    TaskResponse,
-    by_client,
-    printable,
-    priority_refusal,
-    queue_full,
-    refused,
-    requeue_refusal,
-    share_full,
-    task_queued,
-)
+from taskrpc.tasks.responses import SERVER_ENDED, TaskResponse, printable, task_queued
 
 
 class Fenced(TaskRpcError):
@@ -298,28 +290,61 @@ def submit(
     task: Task,
     *,
     account: str,
-    refusal: Refusal,
+    unable: str,
     queue_limit: int,
     share: int | None,
     estimated: Callable[[Task], float],
 ) -> TaskResponse:
     """Queue a new task, or refuse it; its id, its arrival and its time are set here.
 
-    `estimated` returns the robot seconds until a queued task ends.
+    `unable` says why no robot can execute it, "" if one can. `estimated` returns the robot seconds
+    until a queued task ends.
     """
-    problem = refusal(task.task_type, task.target) or priority_refusal(task.priority)
-    if not problem and len(state) >= queue_limit:
-        problem = queue_full(len(state), queue_limit)
-    if not problem and share is not None and account:
-        problem = _share_refusal(state, task, share)
-    if problem:
+    priority, machine = task.priority, task.machine
+    if problem := requests.refusal(unable, priority, state, queue_limit, share, account, machine):
         return TaskResponse(False, problem)
-    meta = state.meta
-    new = msgspec.structs.replace(
-        task, task_id=meta.next_id, arrival=meta.next_arrival, submitted_at=now
-    )
-    state.set_meta(next_id=meta.next_id + 1, next_arrival=meta.next_arrival + 1)
+    task_id = state.meta.next_id
+    state.set_meta(next_id=task_id + 1)
+    arrival = _new_arrival(state)
+    new = msgspec.structs.replace(task, task_id=task_id, arrival=arrival, submitted_at=now)
     return _queue(state, now, new, estimated)
+
+
+def carry_out(
+    state: FleetState,
+    now: float,
+    decision: requests.Decision,
+    estimated: Callable[[Task], float],
+) -> TaskResponse:
+    """Change the state as a rule has decided; returns the response."""
+    match decision:
+        case requests.Change(task, message):
+            state.put_task(task)
+            return _with_estimate(state, TaskResponse(True, message, task.task_id), estimated)
+        case requests.Halt(task):
+            if state.tasks[task.task_id] != task:
+                state.put_task(task)
+            return requests.halted(task, is_over=False)
+        case requests.Enqueue(task, keeps_place):
+            arrival = task.arrival if keeps_place else _new_arrival(state)
+            return _queue(state, now, task.requeued(now, arrival), estimated)
+        case _:
+            return _with_estimate(state, decision, estimated)
+
+
+def _with_estimate(
+    state: FleetState, response: TaskResponse, estimated: Callable[[Task], float]
+) -> TaskResponse:
+    task = state.tasks.get(response.task_id)
+    if task is None or task.state is not TaskState.QUEUED:
+        return response
+    return msgspec.structs.replace(response, estimated_time=estimated(task))
+
+
+def _new_arrival(state: FleetState) -> int:
+    arrival = state.meta.next_arrival
+    state.set_meta(next_arrival=arrival + 1)
+    return arrival
 
 
 def _queue(
@@ -330,88 +355,6 @@ def _queue(
     state.put_task(msgspec.structs.replace(task, accepted_estimate=seconds))
     note = waits_for(state, now, task)
     return task_queued(task, seconds, paused=state.meta.paused, note=note)
-
-
-def _share_refusal(state: FleetState, task: Task, share: int) -> str:
-    submitter = task.client, task.machine
-    waiting = sum((each.client, each.machine) == submitter for each in state.queued())
-    return share_full(task.client, task.machine, waiting, share) if waiting >= share else ""
-
-
-def cancel(state: FleetState, now: float, task_id: int, client: str) -> TaskResponse:
-    """Cancel a queued task; let the robot's server halt a running one."""
-    task, reason = state.tasks.get(task_id), by_client("cancelled", client)
-    if task is not None and task.state is TaskState.QUEUED:
-        state.put_task(task.ended(TaskState.CANCELED, now, message=reason))
-        return _done(f"Task {task_id} was cancelled", task_id)
-    if task is not None and task.state.is_begun:
-        if task.state is not TaskState.CANCELING:
-            state.put_task(task.moved_to(TaskState.CANCELING, message=reason))
-        return _done(f"Task {task_id} is being cancelled", task_id)
-    if task is not None and task.state is TaskState.CANCELED:
-        return _done(f"Task {task_id} is cancelled already", task_id)
-    return refused(task, task_id, "cannot be cancelled any more")
-
-
-def drop(state: FleetState, now: float, task_id: int, client: str) -> TaskResponse:
-    """Cancel a queued or interrupted task."""
-    task, reason = state.tasks.get(task_id), by_client("dropped", client)
-    if task is not None and task.state is TaskState.QUEUED:
-        state.put_task(task.ended(TaskState.CANCELED, now, message=reason))
-        return _done(f"Task {task_id} was cancelled", task_id)
-    if task is not None and task.state is TaskState.INTERRUPTED:
-        state.put_task(task.ended(TaskState.CANCELED, now, message=reason))
-        return _done(f"Task {task_id} was dropped", task_id)
-    if task is not None and task.state is TaskState.CANCELED:
-        return _done(f"Task {task_id} is dropped already", task_id)
-    return refused(task, task_id, "only a queued or interrupted task can be dropped")
-
-
-def reprioritise(
-    state: FleetState,
-    now: float,
-    task_id: int,
-    priority: int,
-    estimated: Callable[[Task], float],
-) -> TaskResponse:
-    """Change the priority of a queued task."""
-    if refusal := priority_refusal(priority):
-        return TaskResponse(False, refusal)
-    task = state.tasks.get(task_id)
-    if task is None or task.state is not TaskState.QUEUED:
-        return refused(task, task_id, "only a queued task can be moved")
-    moved = msgspec.structs.replace(task, priority=priority)
-    state.put_task(moved)
-    return _done(f"Task {task_id} has priority {priority}", task_id, estimated(moved))
-
-
-def requeue(
-    state: FleetState,
-    now: float,
-    task_id: int,
-    *,
-    resume: bool,
-    refusal: Refusal,
-    queue_limit: int,
-    estimated: Callable[[Task], float],
-) -> TaskResponse:
-    """Queue an ended task again; with `resume`, in its old place."""
-    task = state.tasks.get(task_id)
-    if task is not None and task.state is TaskState.QUEUED:
-        return _done(f"Task {task_id} is queued already", task_id, estimated(task))
-    if response := requeue_refusal(task, task_id, resume=resume):
-        return response
-    assert task is not None, "an unknown task is refused"
-    problem = refusal(task.task_type, task.target)
-    if not problem and len(state) >= queue_limit:
-        problem = queue_full(len(state), queue_limit)
-    if problem:
-        return TaskResponse(False, problem)
-    arrival = task.arrival
-    if not resume:
-        arrival = state.meta.next_arrival
-        state.set_meta(next_arrival=arrival + 1)
-    return _queue(state, now, task.requeued(now, arrival), estimated)
 
 
 def pause(state: FleetState, paused: bool) -> None:
@@ -451,6 +394,12 @@ def stop_robot(state: FleetState, now: float, name: str, reason: str) -> TaskRes
     return TaskResponse(True, f"{name} is stopped and paused; the other robots continue")
 
 
+def executed_by(state: FleetState, name: str) -> list[int]:
+    """Return the ids of the tasks that one robot executes, or all robots if `name` is ""."""
+    robots = state.robots.values()
+    return [robot.task_id for robot in robots if robot.task_id and name in ("", robot.name)]
+
+
 def paused_robots(state: FleetState) -> list[str]:
     """Return the names of the robots that an operator has paused by name."""
     return sorted(robot.name for robot in state.robots.values() if robot.paused)
@@ -459,10 +408,6 @@ def paused_robots(state: FleetState) -> list[str]:
 def _no_robot(state: FleetState, name: str) -> str:
     known = ", ".join(sorted(state.robots)) or "none yet"
     return f"There is no robot {printable(name)!r} in the fleet (expected one of: {known})"
-
-
-def _done(message: str, task_id: int, estimate: float = 0.0) -> TaskResponse:
-    return TaskResponse(True, message, task_id, estimate)
 
 
 # Estimates

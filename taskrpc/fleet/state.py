@@ -84,6 +84,11 @@ class FleetState:
         """Return how many queued tasks are ahead of a queued task."""
         return bisect_right(self._queue, (*task.order_key, task.task_id)) - 1
 
+    def count_waiting(self, account: str, machine: str) -> int:
+        """Return the number of queued tasks that an account submitted from a machine."""
+        submitter = account, machine
+        return sum((task.client, task.machine) == submitter for task in self.queued())
+
     def ended(self) -> Iterator[Task]:
         """Iterate over the ended tasks: the interrupted ones, then the others, newest first."""
         task_ids = (*reversed(self.interrupted), *reversed(self._ended))

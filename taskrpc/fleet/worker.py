@@ -148,9 +148,15 @@ class FleetWorker:
         if (execution := self.execution) is None:
             return self._robot_guard.command(self._robot_guard.robot.stop)
         failure = execution.stop(reason)
-        return failure or ("" if await self.ends_soon(execution) else "the robot does not end")
+        has_ended = await self._ends_soon(execution)
+        return failure or ("" if has_ended else "the robot does not end its task")
 
-    async def ends_soon(self, execution: TaskExecution) -> bool:
+    async def cancel(self, execution: TaskExecution, message: str) -> bool:
+        """Cancel the running task; returns whether it has ended already."""
+        await execution.cancel(message)
+        return await self._ends_soon(execution)
+
+    async def _ends_soon(self, execution: TaskExecution) -> bool:
         """Wait for the end of a halted execution; returns whether it ended in time."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_HALT_TIMEOUT):
@@ -166,6 +172,17 @@ class FleetWorker:
         if self.execution:
             return await self.execution.resume()
         return self._robot_guard.command(self._robot_guard.robot.resume)
+
+    async def followed(self) -> str:
+        """Wait for the robot to follow what `look` has seen, for a second at most.
+
+        Returns why the robot failed, "" if it did not.
+        """
+        if not self._following:
+            return ""
+        done, _ = await asyncio.wait([*self._following], timeout=_HALT_TIMEOUT)
+        results = [each.result() for each in done if not (each.cancelled() or each.exception())]
+        return next((each for each in results if isinstance(each, str) and each), "")
 
     def _follow_soon(self, work: Coroutine[Any, Any, object]) -> None:
         following = asyncio.create_task(work)

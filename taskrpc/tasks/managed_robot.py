@@ -2,19 +2,30 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from taskrpc.errors import TaskRpcError
 from taskrpc.robot.protocol import Pose, Robot
+from taskrpc.tasks import rules
 from taskrpc.tasks.managed import TaskRecords
 from taskrpc.tasks.model import Task
+from taskrpc.tasks.responses import TaskResponse, by_client, unstored_note
 from taskrpc.tasks.robot_guard import RobotGuard, Telemetry
-
-if TYPE_CHECKING:
-    from taskrpc.tasks.task_execution import TaskExecution
+from taskrpc.tasks.task_execution import TaskExecution
 
 
-class ManagedRobot(ABC):
+class RobotWorker(Protocol):
+    """What lets the robot execute one task after another."""
+
+    @property
+    def execution(self) -> TaskExecution | None:
+        """The execution of the running task; None while the robot is idle."""
+
+    async def cancel(self, execution: TaskExecution, message: str) -> bool:
+        """Cancel the running task; returns whether it has ended already."""
+
+
+class ManagedRobot:
     """The robot that a manager drives, and the task that this robot executes.
 
     Args:
@@ -22,16 +33,12 @@ class ManagedRobot(ABC):
     """
 
     repository: TaskRecords
+    _worker: RobotWorker
 
     def __init__(self, robot: Robot) -> None:
         self._robot_guard = RobotGuard(robot)
         self.is_closed = False
         """Whether `close` has been called; afterwards, no other method may be called."""
-
-    @property
-    @abstractmethod
-    def _execution(self) -> TaskExecution | None:
-        """The execution of the running task, None while the robot is idle."""
 
     @property
     def robot(self) -> Robot:
@@ -46,12 +53,12 @@ class ManagedRobot(ABC):
     @property
     def running(self) -> Task | None:
         """The task that this server's robot executes, None if it is idle."""
-        execution = self._execution
+        execution = self._worker.execution
         return self.repository.find(execution.task.task_id) if execution else None
 
     def remaining(self) -> float:
         """Return the robot seconds until the running task ends; 0.0 while the robot is idle."""
-        execution = self._execution
+        execution = self._worker.execution
         return execution.remaining() if execution else 0.0
 
     def pose(self) -> Pose:
@@ -64,5 +71,20 @@ class ManagedRobot(ABC):
 
     def _running(self, task_id: int) -> TaskExecution | None:
         """Return the execution of a task, None if this robot does not execute it now."""
-        execution = self._execution
+        execution = self._worker.execution
         return execution if execution and execution.task.task_id == task_id else None
+
+    async def _cancel_running(self, task_id: int, client: str) -> TaskResponse | None:
+        """Halt the robot if it executes a task, before anything else is stored.
+
+        Returns the response, None if the robot does not execute this task.
+        """
+        if (execution := self._running(task_id)) is None:
+            return None
+        try:
+            is_over = await self._worker.cancel(execution, by_client("cancelled", client))
+        except TaskRpcError as error:  # the robot halts although this could not be stored
+            message = f"Task {task_id} is being cancelled{unstored_note(error)}"
+            return TaskResponse(True, message, task_id)
+        # In a fleet, another server may have ended the task in another way.
+        return rules.halted(self.repository.find(task_id) or execution.task, is_over=is_over)

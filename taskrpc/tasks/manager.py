@@ -7,8 +7,11 @@ import logging
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
+import msgspec
+
 from taskrpc.errors import TaskRpcError
 from taskrpc.robot.protocol import Robot
+from taskrpc.tasks import rules
 from taskrpc.tasks.managed import Completing, QueueSettings, RobotStatus
 from taskrpc.tasks.managed_robot import ManagedRobot
 from taskrpc.tasks.model import RUNNING_KEY, EstimateChange, OrderKey, Task, TaskState
@@ -24,18 +27,14 @@ from taskrpc.tasks.responses import (
     Resumed,
     TaskResponse,
     by_client,
+    commanded,
     no_fleet,
-    priority_refusal,
-    queue_full,
-    refused,
-    requeue_hint,
-    requeue_refusal,
-    share_full,
+    queue_text,
+    stopped_note,
     task_queued,
     unknown_type,
     unstored_note,
 )
-from taskrpc.tasks.task_execution import TaskExecution
 from taskrpc.tasks.worker import Worker
 from taskrpc.transport.time_of_day import time_of_day
 
@@ -80,7 +79,7 @@ class TaskManager(ManagedRobot):
         self._estimated_queue = self._make_queue(settings.journal)
         self.queue = self._estimated_queue.queue
         """The queued tasks."""
-        self._worker = Worker(
+        self._worker: Worker = Worker(
             self._robot_guard,
             self._estimated_queue,
             self.repository,
@@ -130,25 +129,14 @@ class TaskManager(ManagedRobot):
 
     def __str__(self) -> str:
         """The state of the queue as a sentence for users."""
-        waiting = len(self.queue)
-        parts = [f"{waiting or 'no'} task{'' if waiting == 1 else 's'} in the queue"]
-        if self.running is not None:
-            parts.append(f"task {self.running.task_id} is running")
-        if self.is_paused:
-            parts.append("the queue is paused")
-        if count := len(self.repository.interrupted):
-            tasks = "interrupted task waits" if count == 1 else "interrupted tasks wait"
-            parts.append(f"{count} {tasks} for a decision (taskrpc task list --all)")
-        return ", ".join(parts)
+        doing = [] if self.running is None else [f"task {self.running.task_id} is running"]
+        interrupted = len(self.repository.interrupted)
+        return queue_text(len(self.queue), *doing, paused=self.is_paused, interrupted=interrupted)
 
     @property
     def is_paused(self) -> bool:
         """Whether the queue is paused until `resume`."""
         return self._worker.is_paused
-
-    @property
-    def _execution(self) -> TaskExecution | None:
-        return self._worker.execution
 
     @property
     def delays(self) -> DelayLog:
@@ -253,7 +241,15 @@ class TaskManager(ManagedRobot):
         Returns the response, which is valid from then on. A refusal is valid at once, and
         `on_stored` is not called.
         """
-        if refusal := self._refusal(task_type, target, priority, account, machine):
+        if refusal := rules.refusal(
+            self._unable(task_type, target),
+            priority,
+            self.queue,
+            self._settings.queue_limit,
+            self._settings.share,
+            account,
+            machine,
+        ):
             return TaskResponse(False, refusal)
         task = Task(
             task_id=self.repository.new_id(),
@@ -282,44 +278,26 @@ class TaskManager(ManagedRobot):
 
     async def cancel(self, task_id: int, *, client: str = "") -> TaskResponse:
         """Cancel a queued or running task."""
-        reason = by_client("cancelled", client)
-        # `_is_queued` may wait for the disk; a running task must halt at once.
-        if not self._running(task_id) and await self._is_queued(task_id):
-            return await self._cancel_queued(task_id, reason)
-        if execution := self._running(task_id):
-            try:
-                is_over = await self._worker.cancel(execution, reason)
-            except TaskRpcError as error:  # the robot halts although the disk failed
-                message = f"Task {task_id} is being cancelled{unstored_note(error)}"
-                return self._done(message, execution.task)
-            if not is_over:
-                return self._done(f"Task {task_id} is being cancelled", execution.task)
-            if execution.task.state is TaskState.CANCELED:
-                return self._done(f"Task {task_id} was cancelled", execution.task)
-        if (task := self.repository.find(task_id)) and task.state is TaskState.CANCELED:
-            return self._done(f"Task {task_id} is cancelled already", task)
-        return self._refuse(task_id, "cannot be cancelled any more")
+        # `stored` may wait for the disk; a running task must halt at once.
+        if response := await self._cancel_running(task_id, client):
+            return response
+        task, now = await self.repository.stored(task_id), self._settings.wall_clock()
+        decision = rules.cancel(task, task_id, now, client)
+        if isinstance(decision, rules.Halt):  # it has begun meanwhile
+            response = await self._cancel_running(task_id, client)
+            return response or rules.halted(decision.task, is_over=False)
+        return await self._end(decision)
 
     async def drop(self, task_id: int, *, client: str = "") -> TaskResponse:
         """Cancel a queued or interrupted task without running it."""
-        reason = by_client("dropped", client)
-        if await self._is_queued(task_id):
-            return await self._cancel_queued(task_id, reason)
-        task = self.repository.find(task_id)
-        if task and task.state is TaskState.INTERRUPTED:
-            now = self._settings.wall_clock()
-            await self.repository.save(task.ended(TaskState.CANCELED, now, message=reason))
-            return self._done(f"Task {task_id} was dropped", task)
-        if task and task.state is TaskState.CANCELED:
-            return self._done(f"Task {task_id} is dropped already", task)
-        return self._refuse(task_id, "only a queued or interrupted task can be dropped")
+        task, now = await self.repository.stored(task_id), self._settings.wall_clock()
+        return await self._end(rules.drop(task, task_id, now, client))
 
     async def reprioritise(self, task_id: int, priority: int) -> TaskResponse:
         """Move a queued task to another priority."""
-        if refusal := priority_refusal(priority):
-            return TaskResponse(False, refusal)
-        if not await self._is_queued(task_id):
-            return self._refuse(task_id, "only a queued task can be moved")
+        decision = rules.reprioritise(await self.repository.stored(task_id), task_id, priority)
+        if not isinstance(decision, rules.Change):
+            return decision
         self.update_estimates()
         moved = self._estimated_queue.reprioritise(task_id, priority)
 
@@ -329,25 +307,21 @@ class TaskManager(ManagedRobot):
                 self._estimated_queue.reprioritise(task_id, stored.priority)
 
         await self.repository.save(moved, undo=undo)
-        return self._done(f"Task {task_id} has priority {priority}", moved)
+        return TaskResponse(True, decision.message, task_id, self.estimate(task_id))
 
     async def requeue(self, task_id: int, *, resume: bool = False) -> TaskResponse:
         """Queue an interrupted, failed or cancelled task again, as the last of its priority.
 
         With `resume`, an interrupted task gets back its old place among tasks of its priority.
         """
-        is_queued = await self._is_queued(task_id)
-        task = self.repository.find(task_id)
-        if task and is_queued:
-            return self._done(f"Task {task_id} is queued already", task)
-        if response := requeue_refusal(task, task_id, resume=resume):
-            return response
-        assert task is not None, "an unknown task is refused"
-        if refusal := self._refusal(task.task_type, task.target, task.priority):
-            return TaskResponse(False, refusal)
-        arrival = task.arrival if resume else self.repository.new_arrival()
+        task = await self.repository.stored(task_id)
+        decision = rules.requeue(task, task_id, resume=resume, refusal=self._requeue_refusal)
+        if not isinstance(decision, rules.Enqueue):
+            seconds = self.estimate(task_id) if decision.success else 0.0
+            return msgspec.structs.replace(decision, estimated_time=seconds)
+        arrival = decision.task.arrival if decision.keeps_place else self.repository.new_arrival()
         stored = asyncio.get_running_loop().create_future()
-        requeued = task.requeued(self._settings.wall_clock(), arrival)
+        requeued = decision.task.requeued(self._settings.wall_clock(), arrival)
         response = self._accept(partial(resolve_future, stored), requeued)
         await stored
         return response
@@ -362,18 +336,14 @@ class TaskManager(ManagedRobot):
             await self.repository.remember_pause(True)
         except TaskRpcError as error:
             return TaskResponse(True, said + unstored_note(error))
-        return (
-            TaskResponse(False, f"{said}, but {failure}") if failure else TaskResponse(True, said)
-        )
+        return commanded(said, failure)
 
     async def resume(self, *, robot: str = "") -> TaskResponse:
         """Continue after a pause or a stop; refuse a `robot` by name."""
         if robot:
             return no_fleet(robot)
         await self.repository.remember_pause(False)
-        if failure := await self._worker.resume():
-            return TaskResponse(False, f"The queue is resumed, but {failure}")
-        return TaskResponse(True, "The queue is resumed")
+        return commanded("The queue is resumed", await self._worker.resume())
 
     async def stop(self, *, client: str = "", robot: str = "") -> TaskResponse:
         """Halt the robot at once and pause the queue; the running task ends CANCELED.
@@ -384,16 +354,13 @@ class TaskManager(ManagedRobot):
             return no_fleet(robot)
         execution = self._worker.execution
         failure = await self._worker.stop(by_client("the robot was stopped", client))
-        note = ""
-        if execution and execution.task.state is TaskState.CANCELED:
-            task_id = execution.task.task_id
-            note = f"; task {task_id} was cancelled ({requeue_hint(task_id)})"
+        note = stopped_note([execution.task] if execution else [])
         try:  # after the halt, which must not wait for the disk
             await self.repository.remember_pause(True)
         except TaskRpcError as error:
             note += unstored_note(error)
         if failure:
-            return TaskResponse(False, f"The queue is paused, but {failure}")
+            return commanded("The queue is paused", failure)
         return TaskResponse(True, f"The robot is stopped and the queue is paused{note}")
 
     def reset_robot(self) -> str:
@@ -405,27 +372,16 @@ class TaskManager(ManagedRobot):
 
     # Internals
 
-    def _refusal(
-        self, task_type: str, target: str, priority: int, account: str = "", machine: str = ""
-    ) -> str:
+    def _unable(self, task_type: str, target: str) -> str:
+        """Return why the robot cannot execute a task, "" if it can."""
         robot = self._robot_guard.robot
         if task_type not in robot.task_types:
             return unknown_type(task_type, robot.task_types)
-        if refusal := self._robot_guard.refusal(task_type, target):
-            return refusal
-        if refusal := priority_refusal(priority):
-            return refusal
-        limit = self._settings.queue_limit
-        if len(self.queue) >= limit:
-            return queue_full(len(self.queue), limit)
-        return self._share_refusal(account, machine)
+        return self._robot_guard.refusal(task_type, target)
 
-    def _share_refusal(self, account: str, machine: str) -> str:
-        share = self._settings.share
-        if share is None or not account:
-            return ""
-        waiting = self.queue.count_waiting(account, machine)
-        return share_full(account, machine, waiting, share) if waiting >= share else ""
+    def _requeue_refusal(self, task: Task) -> str:
+        unable = self._unable(task.task_type, task.target)
+        return rules.refusal(unable, task.priority, self.queue, self._settings.queue_limit)
 
     def _accept(
         self, on_stored: OnStored, task: Task, completing: Completing | None = None
@@ -446,27 +402,26 @@ class TaskManager(ManagedRobot):
         self.repository.save_with_callback(on_stored, accepted, completion=completion, undo=undo)
         return response
 
-    async def _cancel_queued(self, task_id: int, reason: str) -> TaskResponse:
+    async def _end(self, decision: TaskResponse | rules.Change) -> TaskResponse:
+        """Carry out a decision that ends a task which does not run, or that changes nothing."""
+        if not isinstance(decision, rules.Change):
+            return decision
+        task = decision.task
+        if task.task_id in self.queue:
+            await self._end_queued(task)
+        else:
+            await self.repository.save(task)
+        return TaskResponse(True, decision.message, task.task_id)
+
+    async def _end_queued(self, ended: Task) -> None:
         self.update_estimates()
-        removed = self._estimated_queue.remove(task_id, "was cancelled")
-        task = removed.task
+        removed = self._estimated_queue.remove(ended.task_id, "was cancelled")
 
         def undo() -> None:
             self.update_estimates()
             self._estimated_queue.undo_remove(removed, "could not be cancelled")
 
-        ended = task.ended(TaskState.CANCELED, self._settings.wall_clock(), message=reason)
         await self.repository.save(ended, undo=undo)
-        return self._done(f"Task {task_id} was cancelled", task)
-
-    async def _is_queued(self, task_id: int) -> bool:
-        """Wait until all changes of a task are stored; return whether it is queued.
-
-        If two changes of a task were being stored, the store could refuse both. The undo of the
-        second change would then restore the state after the first, which was never stored.
-        """
-        await self.repository.stored(task_id)
-        return task_id in self.queue
 
     def _queued(self, task: Task) -> TaskResponse:
         return task_queued(task, task.accepted_estimate, paused=self.is_paused)
@@ -474,9 +429,3 @@ class TaskManager(ManagedRobot):
     def _interrupted(self, task: Task) -> Task:
         now = self._settings.wall_clock()
         return task.ended(TaskState.INTERRUPTED, now, message=SERVER_ENDED)
-
-    def _done(self, message: str, task: Task) -> TaskResponse:
-        return TaskResponse(True, message, task.task_id, self.estimate(task.task_id))
-
-    def _refuse(self, task_id: int, rule: str) -> TaskResponse:
-        return refused(self.repository.find(task_id), task_id, rule)

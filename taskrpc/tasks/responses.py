@@ -14,6 +14,7 @@ from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, EstimateChange, Task
 SERVER_ENDED = "the server ended while it ran"
 """The message of a task that ran when its server ended."""
 
+_LISTED = 3  # tasks that one sentence names
 _EARLIEST, _LATEST = -(2.0**31), 2.0**31 - 1  # the range of builtin_interfaces/msg/Time
 
 
@@ -47,7 +48,7 @@ class Resumed(msgspec.Struct, frozen=True):
             f"task {task_id} was interrupted ({_decision_hint(task_id)})"
             for task_id in self.interrupted
         ]
-        listed, hidden = notes[:3], len(notes) - 3
+        listed, hidden = notes[:_LISTED], len(notes) - _LISTED
         more = [f"{hidden} more were interrupted (taskrpc task list --all)"] if hidden > 0 else []
         if self.paused:
             more.append("the queue is still paused (taskrpc task resume continues it)")
@@ -70,17 +71,6 @@ def refused(task: Task | None, task_id: int, rule: str) -> TaskResponse:
     if task is None:
         return TaskResponse(False, f"There is no task {task_id}")
     return TaskResponse(False, f"Task {task_id} is {task.state.value}: {rule}")
-
-
-def requeue_refusal(task: Task | None, task_id: int, *, resume: bool) -> TaskResponse | None:
-    """Return why a task's state does not allow to queue it again, None if it does."""
-    if task is None or TaskState.QUEUED not in task.may_become:
-        rule = "only an interrupted, failed or cancelled task can be queued again"
-        return refused(task, task_id, rule)
-    if resume and task.state is not TaskState.INTERRUPTED:
-        hint = requeue_hint(task_id)
-        return refused(task, task_id, f"only an interrupted task can be resumed; {hint}")
-    return None
 
 
 def no_fleet(robot: str) -> TaskResponse:
@@ -129,6 +119,46 @@ def requeue_hint(task_id: int) -> str:
 def unstored_note(error: TaskRpcError) -> str:
     """Return what to add about a change that was made although the store refused it."""
     return f", but this could not be stored: {text_for_callers(error)}"
+
+
+def commanded(said: str, failure: str) -> TaskResponse:
+    """Return the response to a pause, resume or stop that was stored.
+
+    `failure` says why the robot did not follow, "" if it did.
+    """
+    return TaskResponse(False, f"{said}, but {failure}") if failure else TaskResponse(True, said)
+
+
+def stopped_note(tasks: Sequence[Task]) -> str:
+    """Return what to add to the response to a stop about the tasks that ran, as they are now."""
+    notes = [
+        f"; task {task.task_id} was cancelled ({requeue_hint(task.task_id)})"
+        if task.state is TaskState.CANCELED
+        else f"; task {task.task_id} is being cancelled"
+        for task in tasks
+        if task.state is TaskState.CANCELED or not task.state.is_ended
+    ]
+    hidden = len(notes) - _LISTED
+    more = f"; {hidden} more are listed by taskrpc task list --all" if hidden > 0 else ""
+    return "".join(notes[:_LISTED]) + more
+
+
+def queue_text(waiting: int, *doing: str, paused: bool, interrupted: int) -> str:
+    """Return the state of a queue as a sentence for users.
+
+    Args:
+        waiting: the number of queued tasks.
+        doing: what the robots do.
+        paused: whether the queue is paused.
+        interrupted: the number of interrupted tasks.
+    """
+    parts = [f"{waiting or 'no'} task{'' if waiting == 1 else 's'} in the queue", *doing]
+    if paused:
+        parts.append("the queue is paused")
+    if interrupted:
+        tasks = "interrupted task waits" if interrupted == 1 else "interrupted tasks wait"
+        parts.append(f"{interrupted} {tasks} for a decision (taskrpc task list --all)")
+    return ", ".join(parts)
 
 
 def by_client(action: str, client: str) -> str:

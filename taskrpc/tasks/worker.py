@@ -165,7 +165,7 @@ class Worker:
 
     async def _until_stored(self, task: Task) -> None:
         stored = await self._repository.stored(task.task_id)
-        if not stored and task.task_id in self._estimated_queue.queue:
+        if stored is None and task.task_id in self._estimated_queue.queue:
             self._estimated_queue.remove(task.task_id, "was never stored")
 
     async def _execute(self, task: Task) -> None:

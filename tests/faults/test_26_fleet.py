@@ -18,6 +18,7 @@ import taskrpc
 from taskrpc.fleet import FleetManager, FleetSettings, rules
 from taskrpc.fleet.worker import FleetWorker
 from taskrpc.robot import default_world
+from taskrpc.tasks import rules as requests
 from taskrpc.tasks.model import TaskState
 from tests.faults.harness import Bug
 from tests.faults.postgres_proxy import CUT, SWALLOW, PostgresProxy
@@ -202,10 +203,9 @@ class Rehearsal:
             self.requeued[target] += 1
 
             def action(state, now, number=number):
-                options = {"refusal": lambda *_: "", "queue_limit": 9999}
-                rules.requeue(
-                    state, now, number, resume=True, estimated=lambda task: 0.0, **options
-                )
+                task = state.tasks.get(number)
+                decision = requests.requeue(task, number, resume=True, refusal=lambda _: "")
+                rules.carry_out(state, now, decision, lambda task: 0.0)
 
             await self.observer.transact(action)
 

@@ -16,9 +16,11 @@ from taskrpc.errors import Code, ConnectionLost, HandlerFailed, StoreError
 from taskrpc.exactly_once import Deduplicator, Execution
 from taskrpc.exactly_once.store_state import LeaseClock, StoreState
 from taskrpc.request_ids.ledger import Ledger, Verdict
+from taskrpc.tasks import rules
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import LEVELS, Task, TaskState
 from taskrpc.tasks.records.repository import TaskRepository
+from taskrpc.tasks.responses import TaskResponse
 from taskrpc.tasks.server import TaskServer
 from taskrpc.tasks.worker import Worker
 from taskrpc.transport.base import IncomingCall
@@ -235,18 +237,19 @@ def begin_while_paused(patch):
 
 
 def call_off_only_in_memory(patch):
-    async def call_off(manager, task_id, reason):
-        task = manager._estimated_queue.remove(task_id, "was cancelled").task
-        return manager._done(f"Task {task_id} was cancelled", task)
+    async def call_off(manager, ended):
+        manager._estimated_queue.remove(ended.task_id, "was cancelled")
 
-    patch(TaskManager, "_cancel_queued", call_off)
+    patch(TaskManager, "_end_queued", call_off)
 
 
 def move_only_in_memory(patch):
     async def reprioritise(manager, task_id, priority):
-        if task_id not in manager.queue:
-            return manager._refuse(task_id, "only a queued task can be moved")
-        return manager._done("moved", manager._estimated_queue.reprioritise(task_id, priority))
+        decision = rules.reprioritise(manager.queue.find(task_id), task_id, priority)
+        if isinstance(decision, TaskResponse):
+            return decision
+        manager._estimated_queue.reprioritise(task_id, priority)
+        return TaskResponse(True, decision.message, task_id)
 
     patch(TaskManager, "reprioritise", reprioritise)
 

@@ -174,11 +174,16 @@ class TaskRepository:
         if self.is_settled(newest):
             await self._store.apply([self._tasks[newest]])
 
-    async def stored(self, task_id: int) -> bool:
-        """Wait until no change of a task is being stored; returns whether the task exists."""
+    async def stored(self, task_id: int) -> Task | None:
+        """Wait until no change of a task is being stored; return it, None if there is none.
+
+        Wait before a change that may be undone. If two changes of a task were being stored, the
+        store could refuse both. The undo of the second change would then restore the state after
+        the first, which was never stored.
+        """
         while commit := self._commits.get(task_id):
             await asyncio.wait({commit})
-        return task_id in self._tasks
+        return self._tasks.get(task_id)
 
     def is_settled(self, task_id: int) -> bool:
         """Return whether a task is stored and no further change of it is being stored."""

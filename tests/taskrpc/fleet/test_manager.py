@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskrpc.errors import OutcomeUnknown, StoreError
+from taskrpc.fleet import rules
 from taskrpc.fleet.manager import FleetManager, FleetSettings
 from taskrpc.fleet.store import MemoryFleet, MemoryFleetStore
 from taskrpc.robot import Box, KinematicRobot, TargetError, World, default_world
@@ -68,12 +69,6 @@ async def test_place_goes_to_the_robot_that_reaches_it(fleet):
         " r1: move, scan or report, limited to move:1,move:2;"
         " r2: move, scan or report, limited to move:7"
     )
-
-
-async def test_unknown_task_and_target_are_refused_as_by_a_single_server(fleet):
-    manager = await fleet.add("r1")
-    assert (await manager.submit("fly", "1", 5)).message.startswith("Invalid task: fly")
-    assert (await manager.submit("move", "moon", 5)).message.startswith("Invalid target: ")
 
 
 async def test_server_accepts_tasks_again_before_it_has_renewed_its_lease(fleet):
@@ -186,6 +181,24 @@ async def test_cancel_reaches_the_robot_of_another_server(fleet):
     assert own.running is None
 
 
+async def test_cancel_of_a_task_that_another_server_interrupts_meanwhile_is_refused(fleet):
+    first = await fleet.add("r1", capabilities="move")
+    second = await fleet.add("r2", capabilities="scan")
+    fleet.robots["r1"].ignores_cancel = True
+    await submitted(first, 0)
+    await asyncio.sleep(0.5)
+    first.store.gets_notifications = False
+
+    async def interrupt():
+        await asyncio.sleep(0.1)
+        epoch = first.lease.epoch
+        await second.store.transact(lambda state, now: rules.leave(state, now, "r1", epoch))
+
+    response, _ = await asyncio.gather(first.cancel(1), interrupt())
+    assert response.message == "Task 1 is INTERRUPTED: cannot be cancelled any more"
+    assert fleet.states() == {1: "INTERRUPTED"}
+
+
 async def test_pause_and_resume_concern_all_robots(fleet):
     first, second = [await fleet.add(f"r{number}") for number in (1, 2)]
     await submitted(first, 20, 20, 20)
@@ -224,8 +237,12 @@ async def test_stop_of_one_robot_at_any_server_cancels_only_its_task(fleet):
     await submitted(first, 20, 20, 20)
     await asyncio.sleep(1)
     response = await second.stop(robot="r1", client="ann")
-    assert response.message == "r1 is stopped and paused; the other robots continue"
     [canceled] = [task for task in fleet.tasks().values() if task.state.value == "CANCELED"]
+    number = canceled.task_id
+    assert response.message == (
+        "r1 is stopped and paused; the other robots continue;"
+        f" task {number} was cancelled (taskrpc task requeue {number} runs it again)"
+    )
     assert (canceled.robot, canceled.message) == ("r1", "r1 was stopped by ann")
     assert (await second.stop(robot="r2")).success
     await asyncio.sleep(5)
@@ -292,8 +309,13 @@ async def test_stop_halts_all_robots_and_pauses_the_queue(fleet):
     first, second = [await fleet.add(f"r{number}") for number in (1, 2)]
     await submitted(first, 20, 20, 20)
     await asyncio.sleep(1)
+    own, other = second.running.task_id, first.running.task_id
     response = await second.stop(client="ann")
-    assert response.message == "The robots are stopped and the queue is paused"
+    assert response.message == (
+        "The robots are stopped and the queue is paused;"
+        f" task {own} was cancelled (taskrpc task requeue {own} runs it again);"
+        f" task {other} is being cancelled"
+    )
     await asyncio.sleep(2)
     assert sorted(fleet.states().values()) == ["CANCELED", "CANCELED", "QUEUED"]
     assert first.is_paused

@@ -15,7 +15,7 @@ def test_refusal_names_what_each_robot_offers():
         " a, b: move or scan at attic, dock or x,y up to 6,4.5; c: lift, limited to lift:shelf_*"
     )
     assert refuse_unable(state, 0.0, "fly", "attic") == (
-        "Invalid task: fly (expected lift, move or scan)"
+        "Invalid task: fly (expected move, scan or lift)"
     )
 
 

@@ -6,7 +6,9 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 from taskrpc.fleet import rules
 from taskrpc.fleet.plan import HORIZON, FleetPlan
 from taskrpc.fleet.state import FleetState
+from taskrpc.tasks import rules as requests
 from taskrpc.tasks.model import TaskState
+from taskrpc.tasks.responses import TaskResponse
 from tests.properties import examples
 from tests.taskrpc.fleet.fakes import line_plan, pose, robot, state_of, task
 
@@ -18,8 +20,23 @@ def nothing(*_):
 
 
 def submit(state, now, made, **settings):
-    known = {"account": "", "refusal": nothing, "queue_limit": 100, "share": None}
+    known = {"account": "", "unable": "", "queue_limit": 100, "share": None}
     return rules.submit(state, now, made, estimated=lambda task: 4.5, **(known | settings))
+
+
+def carry_out(state, now, decision):
+    return rules.carry_out(state, now, decision, lambda task: 1.0)
+
+
+def cancel(state, now, task_id, client=""):
+    decision = requests.cancel(state.tasks.get(task_id), task_id, now, client)
+    return carry_out(state, now, decision)
+
+
+def requeue(state, now, task_id, *, resume):
+    task = state.tasks.get(task_id)
+    decision = requests.requeue(task, task_id, resume=resume, refusal=nothing)
+    return carry_out(state, now, decision)
 
 
 def claim(state, name, epoch=1, now=0.0, refusal=nothing):
@@ -129,7 +146,7 @@ def test_claim_without_an_answer_is_put_back_by_the_next_claim():
 def test_put_back_task_that_was_cancelled_meanwhile_is_canceled():
     state = state_of(task(1), robot("a"))
     claim(state, "a")
-    rules.cancel(state, 1.0, 1, "ann")
+    cancel(state, 1.0, 1, "ann")
     assert claim(state, "a", now=2.0) is None
     assert (state.tasks[1].state, state.tasks[1].message) == (
         TaskState.CANCELED,
@@ -160,7 +177,7 @@ def test_pause_of_a_running_task_is_stored_but_does_not_undo_a_cancel():
     state = state_of(task(1), robot("a"))
     claim(state, "a")
     running = state.tasks[1]
-    rules.cancel(state, 1.0, 1, "")
+    cancel(state, 1.0, 1)
     rules.update(state, 2.0, "a", 1, running.moved_to(TaskState.PAUSED))
     assert state.tasks[1].state is TaskState.CANCELING
 
@@ -179,7 +196,7 @@ def test_submission_gets_the_next_number_and_the_databases_time():
 @pytest.mark.parametrize(
     ("options", "fields", "problem"),
     [
-        ({"refusal": lambda *_: "no robot"}, {}, "no robot"),
+        ({"unable": "no robot"}, {}, "no robot"),
         ({}, {"priority": 11}, "Invalid priority: 11"),
         ({"queue_limit": 1}, {}, "Queue full"),
         ({"share": 1, "account": "ann"}, {"client": "ann"}, "Share full: ann"),
@@ -196,26 +213,42 @@ def test_refused_submission_changes_nothing(options, fields, problem):
 def test_cancel_of_a_running_task_asks_its_server_to_halt():
     state = state_of(task(1), task(2), robot("a"))
     claim(state, "a")
-    assert rules.cancel(state, 1.0, 1, "ann").message == "Task 1 is being cancelled"
+    assert cancel(state, 1.0, 1, "ann").message == "Task 1 is being cancelled"
     assert (state.tasks[1].state, state.tasks[1].robot) == (TaskState.CANCELING, "a")
-    assert rules.cancel(state, 1.0, 2, "ann").message == "Task 2 was cancelled"
-    assert rules.cancel(state, 1.0, 2, "ann").message == "Task 2 is cancelled already"
-    assert rules.cancel(state, 1.0, 3, "ann").message == "There is no task 3"
+    assert cancel(state, 1.0, 2, "ann").message == "Task 2 was cancelled"
+    assert cancel(state, 1.0, 2, "ann").message == "Task 2 is cancelled already"
+    assert cancel(state, 1.0, 3, "ann").message == "There is no task 3"
 
 
-def test_drop_reprioritise_and_requeue_follow_the_states():
-    state = state_of(task(1), task(2), robot("a"))
+def test_second_cancel_while_the_robot_halts_changes_nothing():
+    state = state_of(task(1), robot("a"))
+    claim(state, "a")
+    cancel(state, 1.0, 1, "ann")
+    state.take_changes()
+    assert cancel(state, 2.0, 1, "bob").message == "Task 1 is being cancelled"
+    assert state.changes.is_empty
+    assert state.tasks[1].message == "cancelled by ann"
+
+
+def test_interrupted_task_is_queued_in_its_old_place_or_behind_its_equals():
+    state = state_of(task(1), task(2), robot("a"), robot("b"))
     claim(state, "a")
     rules.leave(state, 1.0, "a", 1)
-    options = {"refusal": nothing, "queue_limit": 9, "estimated": lambda task: 1.0}
-    assert not rules.reprioritise(state, 1.0, 1, 9, lambda task: 1.0).success
-    assert rules.requeue(state, 2.0, 1, resume=True, **options).success
+    assert requeue(state, 2.0, 1, resume=True).success
     assert (state.tasks[1].arrival, state.tasks[1].robot) == (1, "")
-    assert rules.reprioritise(state, 1.0, 1, 9, lambda task: 1.0).success
-    assert rules.drop(state, 3.0, 1, "").success
-    assert not rules.requeue(state, 4.0, 1, resume=True, **options).success
-    assert rules.requeue(state, 4.0, 1, resume=False, **options).success
-    assert state.tasks[1].arrival == 3
+    cancel(state, 3.0, 1)
+    response = requeue(state, 4.0, 1, resume=False)
+    assert (response.message, response.estimated_time) == ("Task queued: move", 1.0)
+    assert (state.tasks[1].arrival, state.tasks[1].accepted_estimate) == (3, 1.0)
+
+
+def test_moved_task_and_task_that_is_queued_already_get_an_estimate():
+    state = state_of(task(1), robot("a"))
+    moved = requests.reprioritise(state.tasks[1], 1, 9)
+    assert carry_out(state, 1.0, moved) == TaskResponse(True, "Task 1 has priority 9", 1, 1.0)
+    assert state.tasks[1].priority == 9
+    already = TaskResponse(True, "Task 1 is queued already", 1, 1.0)
+    assert requeue(state, 1.0, 1, resume=False) == already
 
 
 def test_stop_halts_all_and_pauses():
@@ -399,11 +432,10 @@ class Interleavings(RuleBasedStateMachine):
     def cancel_or_requeue(self, data):
         number = data.draw(st.sampled_from(sorted(self.submitted)))
         if self.state.tasks[number].state.is_ended:
-            options = {"refusal": nothing, "queue_limit": 99, "estimated": lambda task: 1.0}
-            if rules.requeue(self.state, self.now, number, resume=False, **options).success:
+            if requeue(self.state, self.now, number, resume=False).success:
                 self.begun.pop(number, None)
         else:
-            rules.cancel(self.state, self.now, number, "")
+            cancel(self.state, self.now, number, "")
 
     @invariant()
     def no_task_is_lost(self):

@@ -111,13 +111,6 @@ async def test_reprioritising_moves_among_the_new_equals_by_age(manager):
     ]
 
 
-async def test_a_running_task_keeps_its_priority(manager):
-    await submit(manager, ("50", 5))
-    await asyncio.sleep(5)
-    answer = await manager.reprioritise(1, 9)
-    assert answer.message == "Task 1 is RUNNING: only a queued task can be moved"
-
-
 async def test_a_cancelled_task_runs_again_under_its_number_behind_its_equals(manager):
     await manager.pause()
     await submit(manager, ("1", 5), ("2", 5), ("3", 5))
@@ -133,14 +126,6 @@ async def test_a_cancelled_task_runs_again_under_its_number_behind_its_equals(ma
     assert (await manager.requeue(1)).message == (
         "Task 1 is SUCCEEDED: only an interrupted, failed or cancelled task can be queued again"
     )
-
-
-async def test_only_queued_or_interrupted_tasks_can_be_dropped(manager):
-    await submit(manager, ("50", 5), ("1", 5))
-    await asyncio.sleep(5)
-    assert (await manager.drop(2)).message == "Task 2 was cancelled"
-    refused = await manager.drop(1)
-    assert refused.message == "Task 1 is RUNNING: only a queued or interrupted task can be dropped"
 
 
 @pytest.fixture(params=["memory", "sqlite"])
@@ -484,18 +469,6 @@ async def test_closed_manager_says_so():
     assert manager.is_closed
 
 
-async def test_task_that_was_dropped_is_dropped_already(manager):
-    await manager.pause()
-    await submit(manager, ("1", 5))
-    await manager.cancel(1)
-    answer = await manager.drop(1)
-    assert (answer.success, answer.message, answer.task_id) == (
-        True,
-        "Task 1 is dropped already",
-        1,
-    )
-
-
 async def test_instant_restart_changes_no_estimate():
     store = MemoryStore()
     old = TaskManager(LineRobot(), store, TaskSettings(wall_clock=lambda: 1000.0))
@@ -567,15 +540,3 @@ def test_queue_pages_estimates_and_execution_share_one_order(priorities, changes
     orders = run_virtually(orders_of(priorities, changes))
     expected = orders.pop("expected")
     assert orders == dict.fromkeys(orders, expected)
-
-
-async def test_server_without_a_fleet_refuses_a_request_for_one_robot(scene):
-    manager = scene.manager
-    for response in (
-        await manager.pause(robot="r1"),
-        await manager.resume(robot="r1"),
-        await manager.stop(robot="r1"),
-    ):
-        assert not response.success
-        assert response.message.startswith("There is no robot 'r1': this server drives one robot")
-    assert not manager.is_paused

@@ -1,10 +1,13 @@
 from taskrpc.tasks.model import Task, TaskState
 from taskrpc.tasks.responses import (
     Resumed,
+    TaskResponse,
+    commanded,
     queue_full,
+    queue_text,
     refused,
-    requeue_refusal,
     share_full,
+    stopped_note,
     task_queued,
     unknown_type,
 )
@@ -32,14 +35,29 @@ def test_response_to_a_submission_says_what_the_task_waits_for():
     assert (both.task_id, both.estimated_time) == (7, 3.0)
 
 
-def test_task_is_queued_again_only_after_its_end():
-    assert requeue_refusal(task(TaskState.FAILED), 7, resume=False) is None
-    assert requeue_refusal(task(TaskState.INTERRUPTED), 7, resume=True) is None
-    running = requeue_refusal(task(TaskState.RUNNING), 7, resume=False)
-    assert running.message.startswith("Task 7 is RUNNING: only an interrupted, failed or")
-    failed = requeue_refusal(task(TaskState.FAILED), 7, resume=True)
-    assert failed.message.endswith("taskrpc task requeue 7 runs it again")
-    assert requeue_refusal(None, 8, resume=False) == refused(None, 8, "")
+def test_response_to_a_stop_names_the_tasks_that_it_cancelled():
+    canceled, running = task(TaskState.CANCELED), task(TaskState.RUNNING)
+    assert stopped_note([canceled]) == (
+        "; task 7 was cancelled (taskrpc task requeue 7 runs it again)"
+    )
+    assert stopped_note([running]) == "; task 7 is being cancelled"
+    assert stopped_note([task(TaskState.SUCCEEDED), task(TaskState.INTERRUPTED)]) == ""
+    more = "; 2 more are listed by taskrpc task list --all"
+    assert stopped_note([running] * 5) == "; task 7 is being cancelled" * 3 + more
+
+
+def test_response_to_a_command_says_why_the_robot_failed():
+    assert commanded("The queue is paused", "") == TaskResponse(True, "The queue is paused")
+    failed = commanded("The queue is paused", "the robot failed")
+    assert failed == TaskResponse(False, "The queue is paused, but the robot failed")
+
+
+def test_state_of_a_queue_is_one_sentence():
+    assert queue_text(0, paused=False, interrupted=0) == "no tasks in the queue"
+    assert queue_text(1, "1 robot", paused=True, interrupted=2) == (
+        "1 task in the queue, 1 robot, the queue is paused,"
+        " 2 interrupted tasks wait for a decision (taskrpc task list --all)"
+    )
 
 
 def test_refusals_say_what_was_expected_and_received():
