@@ -303,6 +303,8 @@ async def _serve_with(
             _say(options, f"recording to {recorder.writer.path}")
         for fault in faults.faults if faults is not None else ():
             _say(options, f"fault: {fault}")
+        if line := _in_place_of_a_lab(options):
+            _say(options, line)
         what = f"{task_service(options.namespace)} [my_robot_interfaces/srv/RobotTask]"
         _print(options, f"taskrpc-server ready: {what} at {node.address}")
         tune_for_long_run()
@@ -374,6 +376,23 @@ def _offer_reset(
 
     forget = monitoring.forget_students if monitoring else lambda: None
     GroupReset(server, Register(Path(options.class_folder)), attendance, forget).offer(node)
+
+
+def _in_place_of_a_lab(options: argparse.Namespace) -> str:
+    """Return a warning if this server takes calls that are meant for a joined lab, else ""."""
+    if options.transport != "tcp" or options.class_folder is not None:
+        return ""
+    try:
+        lab = remote.called_lab()
+    except TaskRpcError:
+        return ""  # the commands that call the lab report a damaged file
+    if lab is None or options.namespace not in ("/", lab.robot_namespace):
+        return ""
+    return (
+        f"you have joined the lab at {lab.place}: while this server runs, your calls of"
+        f" {task_service(options.namespace)} come here, not to the lab's robot; to reach both,"
+        " start this server with --namespace /local"
+    )
 
 
 def _faults(options: argparse.Namespace) -> CallFaults | None:

@@ -18,11 +18,11 @@ from types import FrameType
 
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.shared.page_link import PageLink, noted_links
+from taskrpc.cli.shared.remote import called_lab
 from taskrpc.errors import TaskRpcError
-from taskrpc.security.lab import Lab, remembered_lab
 from taskrpc.transport import suggestions
 from taskrpc.transport.discovery.registry import Registry
-from taskrpc.transport.settings import domain_id, environment_peers
+from taskrpc.transport.settings import domain_id
 
 START_TIMEOUT = 20.0
 """Seconds that a new server gets to serve its page."""
@@ -82,7 +82,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.service is not None:
         raise NotFound(f"no server of this machine has a live page of {options.service}")
     _refuse_server_without_page()
-    if (lab := _joined_lab()) is not None:
+    if (lab := called_lab()) is not None:
         from taskrpc.cli.classroom.lab_page import view_lab  # few users have joined a lab
 
         return view_lab(lab)
@@ -101,11 +101,6 @@ def _chosen(links: Sequence[PageLink], service: str | None) -> PageLink:
             return link
     known = ", ".join(sorted({each.service for each in links}))
     raise NotFound(f"no live page shows {service}; there are pages of: {known}")
-
-
-def _joined_lab() -> Lab | None:
-    """Return the lab whose server this user's programs call, None if they call no lab."""
-    return None if environment_peers() else remembered_lab()
 
 
 def _refuse_server_without_page() -> None:

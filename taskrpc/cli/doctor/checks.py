@@ -15,15 +15,16 @@ from pathlib import Path
 import srvgen
 from taskrpc import platform
 from taskrpc.cli.shared.processes import Process
-from taskrpc.cli.shared.remote import HERE, LISTING_TIMEOUT, Remote
+from taskrpc.cli.shared.remote import HERE, LISTING_TIMEOUT, Remote, called_lab
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
+from taskrpc.names import is_hidden
 from taskrpc.node import Node
-from taskrpc.security.lab import remembered_lab
 from taskrpc.transport import suggestions
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.transport.limits.keepalive import keepalive_of
 from taskrpc.transport.settings import domain_id, environment_peers
 from taskrpc.transport.tcp.tcp_network import place_here
+from taskrpc.transport.tcp.unix_sockets import is_unix
 from taskrpc.wire.messages import ServiceEndpoint
 
 
@@ -103,7 +104,7 @@ def environment() -> Iterator[Finding]:
     except TaskRpcError as error:
         yield problem(str(error), "set it to one of these values, or unset it")
     try:
-        if (lab := remembered_lab()) and not peers:
+        if lab := called_lab():
             yield ok(f"programs call the lab at {lab.place} too (taskrpc join --status)")
     except TaskRpcError as error:
         yield problem(str(error), "join again with the lecturer's string")
@@ -115,24 +116,51 @@ def environment() -> Iterator[Finding]:
             )
 
 
-async def programs() -> AsyncIterator[Finding]:
-    """Check whether the programs of this machine respond, and whether their types agree."""
+async def programs(*, reachable: bool = True) -> AsyncIterator[Finding]:
+    """Check whether the programs of this machine respond, and whether their types agree.
+
+    `reachable`: whether this machine can connect to its own addresses.
+    """
     here = suggestions.domains().get(domain_id(), [])
     serving = [entry for entry in here if entry.services]
     if not serving:
-        advice = "start one, for example taskrpc-server"
-        yield note(f"no program offers a service in domain {domain_id()}", advice)
+        yield _nothing_offered()
     for entry in here:
         if Process(domain_id(), (entry,)).is_ending:
             yield note(f"{_program(entry)} offers no services any more: it is ending")
     for entry in serving:
-        yield await _reach(entry)
+        if reachable or is_unix(entry.address):
+            yield await _reach(entry)
     for finding in _disagreements(serving):
         yield finding
     for domain, entries in suggestions.domains().items():
         if domain != domain_id() and (elsewhere := suggestions.services(entries)):
             advice = f"set ROS_DOMAIN_ID={domain} to call them"
             yield note(f"in domain {domain} there are {', '.join(elsewhere)}", advice)
+
+
+def _nothing_offered() -> Finding:
+    """Return what it means that no program of this machine offers a service."""
+    text = f"no program of this machine offers a service in domain {domain_id()}"
+    if peers := environment_peers():
+        return note(f"{text}: programs call {', '.join(peers)} (TASKRPC_PEERS)")
+    if (lab := called_lab()) is not None:
+        # A task server here would take the calls that are meant for the lab.
+        return note(f"{text}: all calls go to the lab at {lab.place}")
+    return note(text, "start one, for example taskrpc-server")
+
+
+async def in_place_of_the_lab(lab: Remote) -> AsyncIterator[Finding]:
+    """Note the programs of this machine that take the calls of services of the joined lab."""
+    offered = {each.name for each in await _services(lab) if not is_hidden(each.name)}
+    for entry in suggestions.domains().get(domain_id(), []):
+        if taken := [name for name in suggestions.services([entry]) if name in offered]:
+            more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""
+            yield note(
+                f"{_program(entry)} offers {taken[0]}{more}, as the lab at {lab.place} does: this"
+                " machine's calls go to this program, not to the lab",
+                f"to call the lab, end it: taskrpc stop {entry.pid}",
+            )
 
 
 async def _reach(entry: RegistryEntry) -> Finding:

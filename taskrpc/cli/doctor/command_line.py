@@ -10,6 +10,7 @@ from dataclasses import asdict
 
 from taskrpc.cli.doctor import checks, middlewares, probe
 from taskrpc.cli.doctor.checks import Finding, problem
+from taskrpc.cli.doctor.loopback import loopback
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.parsing import add_ignored
 from taskrpc.cli.shared.remote import (
@@ -17,11 +18,12 @@ from taskrpc.cli.shared.remote import (
     add_secrets,
     add_transport,
     any_place,
+    called_lab,
     remote_of,
 )
 from taskrpc.errors import TaskRpcError
-from taskrpc.security.lab import remembered_lab
-from taskrpc.transport.settings import environment_peers
+from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
+from taskrpc.transport.tcp.unix_sockets import is_unix
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -75,25 +77,42 @@ async def _findings(remote: Remote) -> AsyncIterator[Finding]:
                 yield finding
         if remote.transport != "tcp":
             return
-        async for finding in checks.programs():
-            yield finding
-        remote = remote if remote.place else _lab_of(remote)
-        if remote.place:
-            async for finding in probe.examine(remote):
-                yield finding
-                if finding.state == "problem":
-                    return  # its health services cannot be called either
-        async for finding in checks.check_health(remote):
+        async for finding in _over_tcp(remote):
             yield finding
     except TaskRpcError as error:
         # The folder or the domain is wrong; an earlier line says what to do.
         yield problem(f"cannot look for the programs of this machine: {error}", "see above")
 
 
+async def _over_tcp(remote: Remote) -> AsyncIterator[Finding]:
+    """Check the programs of this machine, and then the address that is given or the joined lab."""
+    if (broken := loopback()) is not None:
+        yield broken
+    async for finding in checks.programs(reachable=broken is None):
+        yield finding
+    is_given = bool(remote.place)
+    remote = remote if is_given else _lab_of(remote)
+    if broken is not None and (not remote.place or _is_here(remote.place)):
+        return  # nothing here can be called
+    if remote.place:
+        async for finding in probe.examine(remote):
+            yield finding
+            if finding.state == "problem":
+                return  # its health services cannot be called either
+        if not is_given:
+            async for finding in checks.in_place_of_the_lab(remote):
+                yield finding
+    async for finding in checks.check_health(remote):
+        yield finding
+
+
+def _is_here(place: str) -> bool:
+    return not is_unix(place) and is_loopback(split_place(place)[0])
+
+
 def _lab_of(remote: Remote) -> Remote:
     """Return the joined lab if programs call it, otherwise `remote`."""
-    lab = remembered_lab()
-    if lab is None or environment_peers():
+    if (lab := called_lab()) is None:
         return remote
     return Remote(lab.place, remote.tls, remote.token)
 

@@ -7,13 +7,12 @@ from collections.abc import Iterable
 
 from taskrpc import platform
 from taskrpc.cli.shared.command import hinted
-from taskrpc.cli.shared.remote import HERE, Remote
+from taskrpc.cli.shared.remote import HERE, Remote, called_lab
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
-from taskrpc.security.lab import remembered_lab
 from taskrpc.transport.connection.dialling import STOPPED
 from taskrpc.transport.discovery.entries import RegistryEntry, entry_of
-from taskrpc.transport.settings import domain_id, environment_peers
+from taskrpc.transport.settings import domain_id
 from taskrpc.transport.suggestions import domains, like, nothing_offered, others
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
@@ -94,7 +93,7 @@ async def why_unavailable(
 
 
 def _out_of_reach(place: str, lost: TaskRpcError, waited: str) -> ServiceUnavailable:
-    if not place and remembered_lab() is not None and not environment_peers():
+    if not place and called_lab() is not None:
         return hinted(ServiceUnavailable(f"{lost} {waited}"), "ask the lecturer whether it runs")
     doctor = f"taskrpc doctor {place}".rstrip()
     problem = f"no taskrpc program responds: {lost} {waited}"

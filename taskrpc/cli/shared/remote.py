@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import argparse
 
     from taskrpc.node import Node
+    from taskrpc.security.lab import Lab
     from taskrpc.security.tls import Tls
     from taskrpc.wire.messages import Listing
 
@@ -46,14 +47,13 @@ class Remote:
     @property
     def places(self) -> list[str]:
         """The addresses to call in addition to those in the registry of this machine."""
-        from taskrpc.security.lab import remembered_lab
         from taskrpc.transport.settings import environment_peers
 
         if self.transport != "tcp":
             return []
         if self.place:
             return [self.place]
-        lab = remembered_lab()
+        lab = called_lab()
         return environment_peers() or ([] if lab is None else [lab.place])
 
     def node(self, *, name: str = "") -> Node:
@@ -99,6 +99,17 @@ class Remote:
 
 HERE = Remote()
 """The programs of this machine."""
+
+
+def called_lab() -> Lab | None:
+    """Return the joined lab if this user's programs call it; `TASKRPC_PEERS` replaces it.
+
+    Raises TaskRpcError if the file of the lab is invalid.
+    """
+    from taskrpc.security.lab import remembered_lab
+    from taskrpc.transport.settings import environment_peers
+
+    return None if environment_peers() else remembered_lab()
 
 
 def add_connect(parser: argparse.ArgumentParser) -> None:

@@ -6,9 +6,10 @@ import argparse
 from pathlib import Path
 
 from taskrpc.cli.shared.command import UsageError
-from taskrpc.security.lab import remembered_lab, robot_namespace
+from taskrpc.cli.shared.remote import called_lab
+from taskrpc.security.lab import robot_namespace
 from taskrpc.transport.discovery.registry import Registry
-from taskrpc.transport.settings import domain_id, environment_peers
+from taskrpc.transport.settings import domain_id
 
 _SINGLE = {
     "record": "--record records one robot",
@@ -29,7 +30,7 @@ def own_task_service() -> str:
     As for all services, programs of this machine come before the lab. Raises TaskRpcError if the
     lab's file is invalid.
     """
-    lab = None if environment_peers() else remembered_lab()
+    lab = called_lab()
     if lab is None or lab.robot_namespace == "/":
         return task_service("/")
     is_here = any(each.offers(task_service("/")) for each in Registry(domain_id()).entries())

@@ -5,7 +5,9 @@ import sys
 
 import pytest
 
+from taskrpc.cli import server as server_module
 from taskrpc.cli.server import main
+from taskrpc.security.lab import Lab, remember_lab
 
 ROBOT = """
 import asyncio
@@ -132,3 +134,24 @@ def test_recording_never_replaces_a_file(server, tmp_path):
         "cannot record to run.mcap: the file exists already; choose another name or remove it\n"
     )
     assert (tmp_path / "run.mcap").read_bytes() == b"precious"
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ([], "your calls of /robot_task come here, not to the lab's robot"),
+        (["--namespace", "/robot2"], "your calls of /robot2/robot_task come here"),
+        (["--namespace", "/local"], ""),
+        (["--transport", "ros"], ""),
+        (["--class", "folder"], ""),
+    ],
+)
+def test_server_says_that_it_takes_the_calls_of_a_joined_laptop(monkeypatch, options, said):
+    remember_lab(Lab(place="h:1", token="ada.secret", certificate="PEM", namespace="/robot2/ada"))
+    parsed = server_module._parser().parse_args(options)
+    line = server_module._in_place_of_a_lab(parsed)
+    assert said in line
+    assert bool(line) == bool(said)
+    assert not line or line.startswith("you have joined the lab at h:1: ")
+    monkeypatch.setenv("TASKRPC_PEERS", "h:2")
+    assert server_module._in_place_of_a_lab(parsed) == ""

@@ -8,6 +8,8 @@ import srvgen
 import taskrpc.sync
 from taskrpc.cli.doctor import checks
 from taskrpc.cli.main import main
+from taskrpc.cli.shared.remote import Remote
+from taskrpc.security.lab import Lab, remember_lab
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.wire.messages import ServiceEndpoint
 
@@ -76,3 +78,42 @@ async def test_server_of_all_networks_is_reached_from_this_machine(listens, aske
     entry = RegistryEntry(pid=1, script="taskrpc", folder="", since=0.0, address=listens)
     assert (await checks._reach(entry)).state == "ok"
     assert places == [asked]
+
+
+@pytest.fixture
+def joined():
+    """This user has joined a lab."""
+    remember_lab(Lab(place="192.0.2.1:7450", token="ada.secret", certificate="PEM"))
+
+
+async def advice_without_a_program():
+    (finding,) = [each async for each in checks.programs() if "offers a service" in each.text]
+    return finding.text.removeprefix("no program of this machine offers a service in domain 0")
+
+
+async def test_joined_laptop_is_not_advised_to_start_a_server(joined, monkeypatch):
+    assert await advice_without_a_program() == ": all calls go to the lab at 192.0.2.1:7450"
+    monkeypatch.setenv("TASKRPC_PEERS", "192.0.2.9:1, 192.0.2.8:1")
+    said = ": programs call 192.0.2.9:1, 192.0.2.8:1 (TASKRPC_PEERS)"
+    assert await advice_without_a_program() == said
+
+
+async def test_program_that_takes_calls_meant_for_the_lab_is_noted(monkeypatch):
+    def listed(*names):
+        return [ServiceEndpoint(each, "std_srvs/srv/Trigger", "", each) for each in names]
+
+    async def services_of_the_lab(remote):
+        return listed("/robot_task", "/robot_task/list", "/robot_task/stop")
+
+    where = {"folder": "/home/ada", "since": 0.0, "address": "127.0.0.1:1"}
+    own = RegistryEntry(pid=7, script="greet.py", services=listed("/ada/greet"), **where)
+    offered = listed("/robot_task", "/robot_task/list", "/ada/greet")
+    shadow = RegistryEntry(pid=8, script="taskrpc-server", services=offered, **where)
+    monkeypatch.setattr(checks, "_services", services_of_the_lab)
+    monkeypatch.setattr(checks.suggestions, "domains", lambda: {0: [own, shadow]})
+    (found,) = [each async for each in checks.in_place_of_the_lab(Remote("192.0.2.1:7450"))]
+    assert found == checks.note(
+        "taskrpc-server (pid 8, in /home/ada) offers /robot_task and 1 more, as the lab at"
+        " 192.0.2.1:7450 does: this machine's calls go to this program, not to the lab",
+        "to call the lab, end it: taskrpc stop 8",
+    )

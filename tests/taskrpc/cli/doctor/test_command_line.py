@@ -46,7 +46,7 @@ def test_each_step_to_a_working_server_is_reported(server, examine, capsys):
 def test_missing_server_is_a_note_and_no_problem(examine):
     code, ((state, text, advice),) = examine()
     assert (code, state) == (0, "note")
-    assert text == "no program offers a service in domain 0"
+    assert text == "no program of this machine offers a service in domain 0"
     assert "taskrpc-server" in advice
 
 
