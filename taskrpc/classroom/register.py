@@ -11,7 +11,6 @@ import socket
 import unicodedata
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Literal
 
 import msgspec
 
@@ -19,8 +18,9 @@ from taskrpc import platform
 from taskrpc.classroom.authority import files_in
 from taskrpc.classroom.invitation import Invitation, to_join_string
 from taskrpc.errors import TaskRpcError
+from taskrpc.security.account_file import AccountFile, Row
 from taskrpc.security.lab import robot_namespace
-from taskrpc.security.roles import Account, Role, account_name_problem
+from taskrpc.security.roles import Account, account_name_problem
 
 _SECRET_BYTES = 18
 
@@ -42,20 +42,6 @@ class Place(msgspec.Struct, frozen=True):
         return tuple(f"{host}:{self.port}" for host in shown)
 
 
-class _Row(msgspec.Struct):
-    secret: str
-    role: Literal["observe", "submit", "operate", "admin"] = "submit"
-    expires: float = 0.0
-    revoked: bool = False
-
-    def __repr__(self) -> str:
-        return f"_Row({self.role})"  # without the secret, because printed texts end up in logs
-
-
-class _File(msgspec.Struct):
-    accounts: dict[str, _Row] = {}
-
-
 class Register:
     """The files of a class in one folder, which is created if it is missing."""
 
@@ -69,7 +55,8 @@ class Register:
 
     def accounts(self) -> list[Account]:
         """All accounts, in the order in which they were added."""
-        return [_account(name, row) for name, row in self._read().accounts.items()]
+        file = self._read()
+        return [file.account(name) for name in file.rows]
 
     def add(self, names: Iterable[str], expires: float) -> list[Account]:
         """Add accounts for students until `expires` (seconds since 1970); returns them.
@@ -91,7 +78,7 @@ class Register:
         another student: what is stored of its earlier student would be shown as the new one's.
         Raises TaskRpcError, and changes no account, as `add` does.
         """
-        found = self._read().accounts
+        found = self._read().rows
         if names is None:
             known = self.names()
             students = ((name, row) for name, row in found.items() if row.role == "submit")
@@ -99,7 +86,7 @@ class Register:
         return self._replace(lambda row: row.role == "submit", names, expires)
 
     def _replace(
-        self, is_former: Callable[[_Row], bool], names: Iterable[str], expires: float
+        self, is_former: Callable[[Row], bool], names: Iterable[str], expires: float
     ) -> list[Account]:
         """Remove the former accounts and add those of these students, all or nothing."""
         students = [cleaned(name) for name in names]
@@ -108,7 +95,7 @@ class Register:
                 raise TaskRpcError(problem)
         wanted: list[str] = []
 
-        def change(rows: dict[str, _Row]) -> None:
+        def change(rows: dict[str, Row]) -> None:
             for name in [name for name, row in rows.items() if is_former(row)]:
                 del rows[name]
             written = self.names()
@@ -117,9 +104,8 @@ class Register:
             for name in wanted:
                 old = rows.get(name)
                 if old is None or old.revoked:
-                    old = _Row(secrets.token_urlsafe(_SECRET_BYTES))
-                row = _Row(old.secret, old.role, expires)
-                rows[_account(name, row).name] = row
+                    old = Row(secrets.token_urlsafe(_SECRET_BYTES))
+                rows[name] = Row(old.secret, old.role, expires)
             for name in wanted:
                 _check_namespace(name, rows)
             if written:
@@ -134,7 +120,7 @@ class Register:
         Raises TaskRpcError if there is no such account.
         """
 
-        def change(rows: dict[str, _Row]) -> None:
+        def change(rows: dict[str, Row]) -> None:
             written = self.names()
             accounts = {student: account for account, student in written.items()}
             account = accounts.get(cleaned(name), name)
@@ -186,7 +172,7 @@ class Register:
 
     def robot_of(self, account: str) -> str:
         """Return the namespace of a student's robot: `/`, `/robot2` and so on, in turn."""
-        names = [*self._read().accounts]
+        names = [*self._read().rows]
         return robot_namespace(names.index(account) % self.place.robots + 1)
 
     def join_string(self, account: Account) -> str:
@@ -194,7 +180,7 @@ class Register:
 
         Raises TaskRpcError if another account has the same namespace.
         """
-        _check_namespace(account.name, self._read().accounts)
+        _check_namespace(account.name, self._read().rows)
         place = self.place
         return to_join_string(
             Invitation(
@@ -207,26 +193,21 @@ class Register:
             )
         )
 
-    def _edit(self, change: Callable[[dict[str, _Row]], None]) -> None:
+    def _edit(self, change: Callable[[dict[str, Row]], None]) -> None:
         with platform.locked(self.folder / "lock"):
-            found = self._read()
-            change(found.accounts)
-            content = msgspec.json.format(msgspec.json.encode(found), indent=2)
+            rows = self._read().rows
+            change(rows)
+            content = msgspec.json.format(msgspec.json.encode({"accounts": rows}), indent=2)
             platform.write_private(self.accounts_file, content + b"\n")
 
-    def _read(self) -> _File:
+    def _read(self) -> AccountFile:
         try:
-            return msgspec.json.decode(self.accounts_file.read_bytes(), type=_File)
+            content = self.accounts_file.read_bytes()
         except FileNotFoundError:
-            return _File()
+            content = b"{}"
         except OSError as error:
             raise TaskRpcError(f"{self.accounts_file}: {error.strerror}") from None
-        except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-            raise TaskRpcError(f"{self.accounts_file}: {error}") from None
-
-
-def _account(name: str, row: _Row) -> Account:
-    return Account(name, row.secret, Role[row.role.upper()], row.expires, row.revoked)
+        return AccountFile(self.accounts_file, content)
 
 
 def _account_of(student: str, accounts: set[str], written: dict[str, str]) -> str:
@@ -242,7 +223,7 @@ def _account_of(student: str, accounts: set[str], written: dict[str, str]) -> st
     return account
 
 
-def _check_namespace(name: str, rows: dict[str, _Row]) -> None:
+def _check_namespace(name: str, rows: dict[str, Row]) -> None:
     """Raise TaskRpcError if another account has the namespace of this name."""
     namespace = namespace_of(name)
     for other, row in rows.items():
@@ -253,7 +234,7 @@ def _check_namespace(name: str, rows: dict[str, _Row]) -> None:
             )
 
 
-def _free_name(name: str, rows: dict[str, _Row]) -> str:
+def _free_name(name: str, rows: dict[str, Row]) -> str:
     taken = {namespace_of(each) for each in rows}
     return next(
         f"{name}{number}"

@@ -6,16 +6,14 @@ import logging
 import os
 import time
 from codecs import BOM_UTF8
-from datetime import datetime
 from pathlib import Path
-from typing import Literal
 
-import msgspec
 from msgspec.structs import replace
 
 from taskrpc import platform
 from taskrpc.errors import TaskRpcError
-from taskrpc.security.roles import MIN_SECRET, Account, Accounts, Role
+from taskrpc.security.account_file import AccountFile
+from taskrpc.security.roles import MIN_SECRET, Account, Accounts
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -23,24 +21,6 @@ LOG_PERIOD = 60.0
 """Seconds between two log lines about a file that cannot be used."""
 
 _ONLY_RESTRICTS = "only the restrictions in this file of accounts take effect: "
-
-_RoleName = Literal["observe", "submit", "operate", "admin"]
-
-
-class _Row(msgspec.Struct, forbid_unknown_fields=True):
-    """One account, as it stands in the file."""
-
-    secret: str
-    role: _RoleName = "submit"
-    expires: float | datetime = 0.0
-    revoked: bool = False
-
-    def __repr__(self) -> str:
-        return f"_Row({self.role})"  # without the secret, which must not appear in logs
-
-
-class _File(msgspec.Struct, forbid_unknown_fields=True):
-    accounts: dict[str, _Row] = {}
 
 
 class AccountSource:
@@ -131,25 +111,14 @@ def _read(path: Path) -> tuple[Accounts, str]:
 
 
 def _parsed(path: Path, content: bytes) -> Accounts:
-    decode = msgspec.json.decode if path.suffix == ".json" else msgspec.toml.decode
-    try:
-        found = decode(content, type=_File)
-    except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        # For invalid syntax, the parser's text may quote a line of the file with a secret.
-        problem = str(error) if isinstance(error, msgspec.ValidationError) else "it cannot be read"
-        raise TaskRpcError(f"{path}: expected accounts as TOML or JSON: {problem}") from None
-    for name, row in found.accounts.items():
+    file = AccountFile(path, content)
+    for name, row in file.rows.items():
         if len(row.secret) < MIN_SECRET:
             raise TaskRpcError(
-                f"{path}: the secret of the account {name} has {len(row.secret)} characters;"
-                f" expected at least {MIN_SECRET}"
+                f"{file.where(name, 'secret')}: the secret of the account {name} has"
+                f" {len(row.secret)} characters; expected at least {MIN_SECRET}"
             )
-    try:
-        return Accounts(_account(name, row) for name, row in found.accounts.items())
-    except TaskRpcError as error:
-        raise TaskRpcError(f"{path}: {error}") from None
-    except (ValueError, OverflowError, OSError) as error:  # `expires` is outside a clock's range
-        raise TaskRpcError(f"{path}: expires: {error}") from None
+    return Accounts(file.account(name) for name in file.rows)
 
 
 def _narrowed(old: Accounts, new: Accounts) -> Accounts:
@@ -164,11 +133,6 @@ def _least(old: Account, new: Account | None) -> Account:
     expires = min((each for each in (old.expires, new.expires) if each), default=0.0)
     revoked = old.revoked or new.revoked
     return replace(old, role=min(old.role, new.role), expires=expires, revoked=revoked)
-
-
-def _account(name: str, row: _Row) -> Account:
-    expires = row.expires.timestamp() if isinstance(row.expires, datetime) else row.expires
-    return Account(name, row.secret, Role[row.role.upper()], expires, row.revoked)
 
 
 def _signature(path: Path) -> object:

@@ -303,11 +303,12 @@ TOML = '[accounts.ana]\nsecret = "%s"\n'
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("{", "expected accounts as TOML or JSON: it cannot be read"),
-        (SECRET, "expected accounts as TOML or JSON: it cannot be read"),
-        ('{"accounts": []}', "Expected `object`, got `array` - at `$.accounts`"),
-        ('{"accounts": {"a": {}}}', "missing required field `secret`"),
-        ('{"acounts": {}}', "unknown field `acounts`"),
+        ("{", ": expected accounts as JSON: it cannot be read"),
+        (SECRET, ", line 1: expected accounts as JSON: it cannot be read"),
+        ('{"accounts": []}', "expected only accounts, such as"),
+        ('["%s"]', "; got a list"),
+        ('{"accounts": {"a": {}}}', ", line 1: the account a: secret is missing"),
+        ('{"acounts": {}}', "got 'acounts' beside them"),
         ('{"accounts": {"a": {"secret": "%s", "expires": "0001-01-01T00:00:00"}}}', "expires: "),
         (
             '{"accounts": {"a": {"secret": "%s", "expires": -1}}}',
@@ -317,16 +318,76 @@ TOML = '[accounts.ana]\nsecret = "%s"\n'
             '{"accounts": {"a": {"secret": "%s", "expires": "0001-01-01T00:00:00Z"}}}',
             "the account a: expires: expected an instant after 1970",
         ),
-        ('{"accounts": {"a": {"secret": "%s", "role": "root"}}}', "Invalid enum value 'root'"),
+        (
+            '{"accounts": {\n"a": {"secret": "%s",\n"role": "root"}}}',
+            ", line 3: the account a: role: expected observe, submit, operate or admin, got 'root'",
+        ),
         ('{"accounts": {"a": {"secret": "short"}}}', "account a has 5 characters; expected at"),
         ('{"accounts": {"a b": {"secret": "%s"}}}', "an account's name: expected 1 to 64"),
         ('{"accounts": {"a": {"secret": "%s.x"}}}', "the secret of the account a: expected 1 to"),
-        ('{"accounts": {"a": {"secret": ["%s"]}}}', "Expected `str`, got `array`"),
+        (
+            '{"accounts": {"a": {"secret": ["%s"]}}}',
+            "secret: expected a text in quotes, got a list",
+        ),
+        ('{"accounts": {"a": "%s"}}', "the account a: expected a table with secret, role, expires"),
     ],
 )
 def test_invalid_file_is_reported_without_secrets(tmp_path, text, sentence):
     path = tmp_path / "accounts.json"
     path.write_text(text.replace("%s", SECRET))
+    path.chmod(0o600)
+    with pytest.raises(taskrpc.TaskRpcError) as caught:
+        read_accounts(path)
+    assert str(caught.value).startswith(str(path))
+    assert sentence in str(caught.value)
+    assert SECRET not in str(caught.value)
+
+
+OTHER = '[accounts.role]\nsecret = "%s"\n# [accounts.ana] role = "boss"\n\n'
+
+
+@pytest.mark.parametrize(
+    ("rows", "sentence"),
+    [
+        (
+            '[accounts."ana"]\nsecret = "%s"\n\nrole = "Operate"',
+            ", line 8: the account ana: role: expected observe, submit, operate or admin,"
+            " got 'Operate'",
+        ),
+        ("[ accounts . ana ]\nrole = 3", ", line 5: the account ana: secret is missing"),
+        (
+            '[accounts.ana]\nrol = "admin"\nsecret = "%s"',
+            ", line 6: the account ana: expected secret, role, expires and revoked, got 'rol'",
+        ),
+        (
+            '[accounts.ana]\nsecret = "%s"\nrevoked = "yes"',
+            ", line 7: the account ana: revoked: expected true or false, got 'yes'",
+        ),
+        (
+            '[accounts.ana]\nsecret = "%s"\nexpires = "soon"',
+            ", line 7: the account ana: expires: expected seconds since 1970, or an instant such as"
+            " 2026-12-24T18:00:00Z, got 'soon'",
+        ),
+        ("[accounts.ana]\nsecret = '%s'\nexpires = 2026-12-24", "18:00:00Z, got 2026-12-24"),
+        (
+            '[accounts]\nana = { secret = "%s", role = "boss" }',
+            ": the account ana: role: expected observe, submit, operate or admin, got 'boss'",
+        ),
+        (
+            '[accounts.ana]\nsecret = "%s\n',
+            ", line 6: expected accounts as TOML, or JSON in a file",
+        ),
+        ('[ana]\nsecret = "%s"', "such as [accounts.ana]; got 'ana' beside them"),
+        (
+            '[accounts.ana]\nsecret = "short"',
+            ", line 6: the secret of the account ana has 5 characters; expected at least 16",
+        ),
+    ],
+)
+def test_mistake_in_a_file_of_accounts_names_the_account_and_the_line(tmp_path, rows, sentence):
+    path = tmp_path / "accounts.toml"
+    head = OTHER if "[accounts]" not in rows else ""
+    path.write_text((head + rows).replace("%s", SECRET))
     path.chmod(0o600)
     with pytest.raises(taskrpc.TaskRpcError) as caught:
         read_accounts(path)
@@ -466,7 +527,7 @@ def test_file_with_an_oversized_number_is_refused(tmp_path):
     path = tmp_path / "accounts.toml"
     path.write_text(f"[accounts.ana]\nexpires = {'1' * 5000}\n")
     path.chmod(0o600)
-    with pytest.raises(taskrpc.TaskRpcError, match="expected accounts as TOML or JSON"):
+    with pytest.raises(taskrpc.TaskRpcError, match="expected accounts as TOML, or JSON in"):
         read_accounts(path)
 
 
