@@ -52,7 +52,7 @@ NOT_RUN = {
     "docs/how-to/run-a-fleet.md": 7,
     "docs/how-to/run-ros-programs.md": 1,
     "docs/how-to/grade-labs.md": 3,
-    "docs/how-to/run-the-labs-in-a-browser.md": 2,
+    "docs/how-to/run-the-labs-in-a-browser.md": 3,
     "docs/how-to/paste-ros2-lines.md": 2,
     "docs/how-to/work-in-a-notebook.md": 8,  # tests/notebooks runs them in a kernel
     "docs/how-to/show-a-scene.md": 3,  # seconds of waiting

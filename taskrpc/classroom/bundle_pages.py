@@ -120,7 +120,8 @@ def _more(contents: Contents) -> Iterator[str]:
         yield (
             "The first labs in a browser tab:"
             f" <code>taskrpc view --lab --pyodide {contents.browser_lab}</code>, in the window of"
-            " the installation."
+            " the installation. Without Python: open the address that your lecturer shows"
+            " (<code>taskrpc classroom lab</code>)."
         )
 
 

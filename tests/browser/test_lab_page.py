@@ -1,5 +1,6 @@
 """The labs run in a tab: programs, their errors, the checks, and a page without any network."""
 
+import datetime
 import functools
 import http.server
 import threading
@@ -7,12 +8,15 @@ from pathlib import Path
 
 import pytest
 
+from taskrpc.browser_lab import server as server_module
 from taskrpc.browser_lab.downloads import runtime
 from taskrpc.browser_lab.server import LabServer
 from taskrpc.browser_lab.site import site_files, write_site
+from taskrpc.classroom.authority import make_certificates
 from taskrpc.labs.catalogue import lab
 from taskrpc.labs.starter import filled
 from taskrpc.labs.variants import Variant
+from taskrpc.security.tls import Tls
 from tests.browser.chromium import PATIENCE, Tabs, chromium
 from tests.browser.legible import SIZES, all_faults, faults
 from tests.javascript.pyodide import archives
@@ -110,6 +114,20 @@ def files():
 @pytest.fixture(scope="module")
 def lab_server(files):
     with LabServer(files, 0) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+@pytest.fixture
+def class_server(files, tmp_path):
+    """The page as `taskrpc classroom lab` serves it."""
+    now = datetime.datetime.now(datetime.UTC)
+    made = make_certificates(tmp_path, ["127.0.0.1"], now)
+    context = Tls(cert=made.cert, key=made.key).server_context()
+    with LabServer(files, 0, context=context) as server:
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         yield server
@@ -280,3 +298,21 @@ def test_without_jspi_and_network_a_static_server_offers_the_asynchronous_lab(fi
         finally:
             server.shutdown()
             thread.join()
+
+
+def test_a_class_with_an_accepted_certificate_loads_the_large_files_once(
+    tabs, class_server, monkeypatch
+):
+    """A browser keeps no file of such a site, and each run begins in a new worker."""
+    sent = []
+    monkeypatch.setattr(
+        server_module._Handler, "log_request", lambda self, *_: sent.append(self.path)
+    )
+    page = LabPage(tabs.open(class_server.url, any_certificate=True))
+    page.write_solution()
+    for _ in range(2):
+        assert page.check()[-1] == "All 5 checks passed."
+    loaded = [path for path in sent if path.endswith((".wasm", ".zip", ".whl", ".json"))]
+    assert "/pyodide/pyodide.asm.wasm" in loaded
+    assert sorted(loaded) == sorted(set(loaded))
+    page.tab.run("localStorage.clear()")

@@ -8,6 +8,19 @@ import { query } from "./dom.js";
 const STOP_PATIENCE = 2500; // milliseconds that programs get to stop by themselves
 const SPARE_DELAY = 1500; // milliseconds of rest before the spare worker loads
 
+// The page keeps the large files for its workers. A browser stores nothing of a site whose
+// certificate the user accepted by hand, so each run would load them again.
+const FILES = ["pyodide/pyodide.asm.wasm", "pyodide/python_stdlib.zip", "pyodide/pyodide-lock.json", "msgspec.whl", "yaml.zip", "taskrpc.zip"];
+
+async function load(name) {
+  const url = new URL(name, import.meta.url).href;
+  const response = await fetch(url);
+  if (!response.ok) throw new Error(`${name}: ${response.status} ${response.statusText}`);
+  return [url, await response.blob()];
+}
+
+const files = Promise.all(FILES.map(load));
+
 class Interpreter {
   constructor(received) {
     this.received = received;
@@ -15,6 +28,10 @@ class Interpreter {
     this.worker = new Worker(new URL(query.has("async") ? "worker.js?async" : "worker.js", import.meta.url), { type: "module" });
     this.worker.onmessage = ({ data }) => this.receive(JSON.parse(data));
     this.worker.onerror = (event) => this.receive({ event: "broken", text: event.message || "the worker could not be loaded" });
+    files.then(
+      (loaded) => this.worker.postMessage({ files: loaded }),
+      (error) => this.receive({ event: "broken", text: String(error) }),
+    );
   }
 
   receive(event) {

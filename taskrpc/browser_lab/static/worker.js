@@ -15,17 +15,23 @@ session.open()
 hook.install("/lab")
 `;
 
-const bytes = async (name) => {
-  const response = await fetch(new URL(name, import.meta.url));
-  if (!response.ok) throw new Error(`${name}: ${response.status} ${response.statusText}`);
-  return response.arrayBuffer();
-};
+const bytes = async (name) => (await fetch(new URL(name, import.meta.url))).arrayBuffer();
 
 // With ?async the tab behaves as in a browser without stack switching: for tests and for teaching.
 if (new URLSearchParams(location.search).has("async")) delete WebAssembly.Suspending;
 
 const asked = [];
-self.onmessage = ({ data }) => asked.push(data); // requests that come before Python listens
+let take;
+const files = new Promise((resolve) => (take = resolve));
+// The page sends the large files, and requests that come before Python listens.
+self.onmessage = ({ data }) => (data.files ? take(new Map(data.files)) : asked.push(data));
+
+const download = self.fetch;
+// Pyodide gets its files with `fetch`; those that the page has loaded come from there.
+self.fetch = async (resource, options) => {
+  const kept = (await files).get(new URL(resource.url ?? resource, import.meta.url).href);
+  return kept ? new Response(kept) : download(resource, options);
+};
 
 async function start() {
   const names = ["msgspec.whl", "yaml.zip", "taskrpc.zip"];

@@ -62,6 +62,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     adding.add_argument("--days", metavar="N", type=days, default=_DAYS, help=what)
     adding.set_defaults(run=_add)
     _add_bundle(commands)
+    _add_lab(commands)
     _add_reset(commands)
     what = "Revoke students; a running server then refuses them"
     revoking = add_command(commands, "revoke", what)
@@ -84,6 +85,16 @@ def _add_bundle(commands: Commands) -> None:
     what = "Make nothing: check that each laptop can install what is in the folder"
     bundling.add_argument("--check", action="store_true", help=what)
     bundling.set_defaults(run=_bundle)
+
+
+def _add_lab(commands: Commands) -> None:
+    what = "Serve the first labs to the browsers of laptops that have no Python"
+    serving = add_command(commands, "lab", what)
+    what = "the port of the page; browsers keep the students' programs for each port (8737)"
+    serving.add_argument("--port", metavar="N", type=_port, help=what)
+    what = "take Pyodide from this folder, such as browser-lab of a bundle (default: download it)"
+    serving.add_argument("--pyodide", metavar="FOLDER", help=what)
+    serving.set_defaults(run=_lab)
 
 
 def _add_reset(commands: Commands) -> None:
@@ -257,6 +268,12 @@ def _bundle(options: argparse.Namespace) -> Exit:
     from taskrpc.cli.classroom.offline import make_or_check  # needs many modules
 
     return make_or_check(options)
+
+
+def _lab(options: argparse.Namespace) -> Exit:
+    from taskrpc.cli.classroom.browser_lab import serve_to_class  # reads many files
+
+    return serve_to_class(_register(), options)
 
 
 def _reset(options: argparse.Namespace) -> Exit:

@@ -23,19 +23,32 @@ def view(options: argparse.Namespace) -> int:
             f"--lab: expected one of {', '.join(map(str, numbers))}, got {options.lab};"
             " `taskrpc lab start N` starts the other labs, outside of the browser"
         )
-    folder = None if options.pyodide is None else Path(options.pyodide)
-    archives = runtime(folder, lambda file: _report(f"downloading {file}"))
-    files = site_files(archives, options.variant or "")
+    files = files_of_the_page(options.pyodide, options.variant or "")
     with LabServer(files, PORT if options.port is None else options.port) as server:
         link = server.url if options.lab == 1 else f"{server.url}?lab={options.lab}"
         if options.no_browser or not webbrowser.open(link):
             print(link, flush=True)
         _report(f"the page of the labs is at {link}; Ctrl-C ends it")
-        signal.signal(signal.SIGTERM, signal.default_int_handler)
-        try:
-            server.serve_forever()
-        except KeyboardInterrupt:
-            return Exit.INTERRUPTED
+        return serve(server)
+
+
+def files_of_the_page(pyodide: str | None, variant: str = "") -> dict[str, bytes]:
+    """Return the files of the page, with Pyodide from a folder or the internet.
+
+    Raises TaskRpcError.
+    """
+    folder = None if pyodide is None else Path(pyodide)
+    archives = runtime(folder, lambda file: _report(f"downloading {file}"))
+    return site_files(archives, variant)
+
+
+def serve(server: LabServer) -> Exit:
+    """Serve the page until Ctrl-C or SIGTERM."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        server.serve_forever()
+    except KeyboardInterrupt:
+        return Exit.INTERRUPTED
     return Exit.DONE
 
 
