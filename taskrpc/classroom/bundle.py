@@ -12,7 +12,7 @@ import msgspec
 
 from taskrpc.browser_lab.site import add_to_bundle
 from taskrpc.classroom.bundle_pages import START, Contents, pages
-from taskrpc.classroom.checksums import check_sums, write_sums
+from taskrpc.classroom.checksums import check_sums, remove_wrong, write_sums
 from taskrpc.classroom.wheels import Pip, Wanted, check, download, source
 from taskrpc.errors import TaskRpcError
 
@@ -61,6 +61,7 @@ def make_bundle(
         _check_place(folder, wanted)
         wheels = folder / WHEELS
         wheels.mkdir(exist_ok=True)
+        remove_wrong(wheels)
         own = download(wheels, wanted, report, pip)
         write_sums(wheels)
         report("documentation, labs and notebooks")

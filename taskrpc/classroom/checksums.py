@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 from pathlib import Path
 from typing import Final
@@ -23,23 +24,32 @@ def check_sums(folder: Path) -> None:
 
     Other files are refused too: pip would run the code of a source archive.
     """
-    path = folder / SUMS
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        wanted, wrong = _compared(folder)
     except (OSError, UnicodeDecodeError):
-        raise TaskRpcError(f"{path} cannot be read; make the bundle again") from None
-    wanted = {name: value for value, _, name in (line.partition("  ") for line in lines if line)}
-    files = sorted(file for file in folder.iterdir() if not file.name.startswith("."))
-    found = {file.name: file for file in files if file.name != SUMS}
-    problems = [f"{name} is missing" for name in wanted if name not in found]
-    problems += [f"{name} was added" for name in found if name not in wanted]
-    problems += [
-        f"{name} has changed"
-        for name, wheel in found.items()
-        if name in wanted and sum_of(wheel) != wanted[name]
-    ]
+        raise TaskRpcError(f"{folder / SUMS} cannot be read; make the bundle again") from None
+    problems = [f"{name} is missing" for name in wanted if not (folder / name).exists()]
+    problems += [f"{file.name} was added" for file in wrong if file.name not in wanted]
+    problems += [f"{file.name} has changed" for file in wrong if file.name in wanted]
     if problems:
         raise TaskRpcError(f"{folder}: {'; '.join(problems)}; make the bundle again")
+
+
+def remove_wrong(folder: Path) -> None:
+    """Delete what `check_sums` refuses, and the checksums, before the wheels are made again."""
+    with contextlib.suppress(FileNotFoundError, UnicodeDecodeError):  # nothing was complete
+        for file in _compared(folder)[1]:
+            file.unlink()
+    (folder / SUMS).unlink(missing_ok=True)
+
+
+def _compared(folder: Path) -> tuple[dict[str, str], list[Path]]:
+    """Return the checksums by name, and the files that were added or have changed."""
+    lines = (folder / SUMS).read_text(encoding="utf-8").splitlines()
+    wanted = {name: value for value, _, name in (line.partition("  ") for line in lines if line)}
+    files = sorted(file for file in folder.iterdir() if not file.name.startswith("."))
+    wrong = [file for file in files if file.name != SUMS and sum_of(file) != wanted.get(file.name)]
+    return wanted, wrong
 
 
 def sum_of(path: Path) -> str:

@@ -89,7 +89,8 @@ def download(
 ) -> Path:
     """Fill a folder with taskrpc's own wheel and its dependencies; returns its own wheel.
 
-    `report` is called with one line for each step.
+    `report` is called with one line for each step. A wheel that is in the folder already, with the
+    SHA-256 that the index gives, is not downloaded again: pip checks this.
 
     Raises:
         TaskRpcError: a wheel cannot be made or downloaded; the folder is not complete.
@@ -100,8 +101,10 @@ def download(
     # The wheel's path, not its name: an index may have another package of this name.
     # pip itself too, because Debian's Python has none without a further package.
     requirements = [f"{wheel}[{EXTRAS}]", *wanted.requirements[1:], "pip"]
-    for what, options in wanted.sets():
-        report(what)
+    sets = [*wanted.sets()]
+    for number, (what, options) in enumerate(sets, 1):
+        there = sum(path.stat().st_size for path in folder.glob("*.whl"))
+        report(f"{what} ({number} of {len(sets)}; {there / 1e6:.0f} MB are there)")
         pip(["download", "--dest", str(folder), *options, *requirements], what)
     return wheel
 
@@ -202,7 +205,10 @@ def run_pip(arguments: Sequence[str], what: str) -> None:
         raise TaskRpcError(f"{what}: no space is left for the files: use a larger stick or disk")
     errors = [line for line in done.stderr.splitlines() if line.startswith("ERROR: ")]
     reason = (errors or done.stderr.splitlines() or ["pip gave no reason"])[-1]
-    advice = "this computer needs the internet to make the folder, the laptops do not"
+    advice = (
+        "this computer needs the internet to make the folder, the laptops do not. Run the command"
+        " again: it keeps what is there"
+    )
     if arguments[0] == "install":
         advice = "make the folder again with `taskrpc classroom bundle`"
     raise TaskRpcError(f"{what}: pip failed ({reason.removeprefix('ERROR: ')}); {advice}")

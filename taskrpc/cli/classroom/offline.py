@@ -25,7 +25,11 @@ def make_or_check(options: argparse.Namespace) -> Exit:
     wanted = Wanted(
         options.system or [*SYSTEMS], options.python or PYTHONS, jupyter=options.jupyter
     )
-    missing = make_bundle(folder, wanted, lambda step: _say(f"getting {step} ..."))
+    try:
+        missing = make_bundle(folder, wanted, lambda step: _say(f"getting {step} ..."))
+    except KeyboardInterrupt:
+        _say(f"{folder} is not complete; the same command continues, and keeps what is there")
+        raise
     for part in missing:
         _say(f"left out: {part}")
     megabytes = sum(file.stat().st_size for file in folder.rglob("*") if file.is_file()) / 1e6

@@ -4,7 +4,7 @@ import hashlib
 
 import pytest
 
-from taskrpc.classroom.checksums import SUMS, check_sums, write_sums
+from taskrpc.classroom.checksums import SUMS, check_sums, remove_wrong, write_sums
 from taskrpc.errors import TaskRpcError
 
 
@@ -46,3 +46,13 @@ def test_missing_sums_are_one_line(wheels):
     (wheels / SUMS).unlink()
     with pytest.raises(TaskRpcError, match="SHA256SUMS cannot be read; make the bundle again"):
         check_sums(wheels)
+
+
+def test_wheels_that_changed_or_were_added_are_removed_before_a_bundle_is_made_again(wheels):
+    (wheels / "a-1.whl").write_bytes(b"First")
+    (wheels / "c-1.whl").touch()
+    remove_wrong(wheels)
+    assert [path.name for path in wheels.iterdir()] == ["b-1.whl"]
+    (wheels / "a-1.whl").write_bytes(b"downloaded again")
+    remove_wrong(wheels)  # after an interruption, there are no checksums
+    assert sorted(path.name for path in wheels.iterdir()) == ["a-1.whl", "b-1.whl"]

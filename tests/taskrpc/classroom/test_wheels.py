@@ -43,15 +43,31 @@ def test_wheels_are_downloaded_for_each_system_and_python(tmp_path):
     download(tmp_path, Wanted(), said.append, pip)
     (own, _), *downloads = pip.calls
     assert own == "taskrpc's own wheel"
-    assert [what for what, _ in downloads] == said[1:]
     machines = [machine for each in SYSTEMS.values() for machine in each]
-    assert said[1:] == [f"{machine}, Python {each}" for machine in machines for each in PYTHONS]
-    assert "Windows, Python 3.11" in said
+    sets = [f"{machine}, Python {each}" for machine in machines for each in PYTHONS]
+    assert [what for what, _ in downloads] == sets
+    assert sets[0] == "Windows, Python 3.11"
     for _, arguments in downloads:
         assert arguments[0] == "download"
         assert {"--only-binary=:all:", "--platform", "--python-version", "pip"} <= {*arguments}
         own = f"{tmp_path / WHEEL}[completion,tls,web]"
         assert own in arguments, "not a name that an index may have too"
+
+
+def test_progress_counts_the_sets_and_what_is_there(tmp_path):
+    said = []
+
+    def pip(arguments, what):
+        Pip()(arguments, what)
+        if arguments[0] == "download":
+            Path(tmp_path, f"{len(said)}.whl").write_bytes(bytes(2_000_000))
+
+    download(tmp_path, Wanted(["macos"], ["3.13"]), said.append, pip)
+    assert said == [
+        "taskrpc's own wheel",
+        "macOS (Apple silicon), Python 3.13 (1 of 2; 0 MB are there)",
+        "macOS (Intel), Python 3.13 (2 of 2; 2 MB are there)",
+    ]
 
 
 def test_only_wanted_systems_are_downloaded_and_jupyter_too(tmp_path):
@@ -157,7 +173,8 @@ def failing_pip(monkeypatch, stderr):
             "download",
             "WARNING: x\nERROR: Could not find a version that satisfies y\nz\n",
             "W: pip failed (Could not find a version that satisfies y);"
-            " this computer needs the internet to make the folder, the laptops do not",
+            " this computer needs the internet to make the folder, the laptops do not. Run the"
+            " command again: it keeps what is there",
         ),
         (
             "download",

@@ -45,6 +45,17 @@ def test_bundle_is_for_all_systems_and_pythons_by_default(tmp_path, made):
     assert not made[0].jupyter
 
 
+def test_interrupted_bundle_says_that_the_same_command_continues(tmp_path, monkeypatch, capsys):
+    def make(folder, wanted, report):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(offline, "make_bundle", make)
+    assert main(["classroom", "bundle", str(tmp_path)]) == 130
+    assert capsys.readouterr().err == (
+        f"{tmp_path} is not complete; the same command continues, and keeps what is there\n"
+    )
+
+
 @pytest.mark.parametrize("version", ["3", "3.9", "4.0", "3.12.1", "x"])
 def test_invalid_python_version_is_wrong_usage(tmp_path, capsys, version):
     assert main(["classroom", "bundle", str(tmp_path), "--python", version]) == 2
