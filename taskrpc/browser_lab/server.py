@@ -111,7 +111,9 @@ class _Page:
     def of(cls, name: str, data: bytes, *, packed: bool) -> _Page:
         """Return the response for a file; `packed` halves what a class loads."""
         kind = _TYPES.get(name[name.rfind(".") :])
-        return cls(kind or "application/octet-stream", data, gzip.compress(data) if packed else b"")
+        if kind is None:  # an archive, which is compressed already
+            return cls("application/octet-stream", data)
+        return cls(kind, data, gzip.compress(data, 6) if packed else b"")
 
 
 class _Handler(BaseHTTPRequestHandler):
