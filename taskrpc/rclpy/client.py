@@ -151,11 +151,13 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _over(self, over: float) -> float:
         """The instant at which `call` stops waiting after the shutdown of the context.
 
-        Raises ExternalShutdownException at that instant; ROS would wait for ever.
+        Raises ExternalShutdownException at that instant; ROS would wait for ever. `--like-ros` does
+        so too, except after a signal: nobody wants a program that only SIGKILL ends.
         """
+        context = self.parent_node.context
         if over == math.inf:
-            return over if self.parent_node.context.ok() else time.monotonic() + _LONG_GRACE
-        if not like_ros() and time.monotonic() >= over:
+            return over if context.ok() else time.monotonic() + _LONG_GRACE
+        if time.monotonic() >= over and (context.was_interrupted or not like_ros()):
             raise ExternalShutdownException
         return over
 

@@ -205,6 +205,24 @@ def test_sigterm_ends_a_loop_around_a_wait_in_one_line(wait):
     assert err.endswith("(a signal has shut rclpy down)\n")
 
 
+@pytest.mark.faults
+@pytest.mark.real_time
+@not_on_windows
+@pytest.mark.parametrize("mode", ["", "1"])
+def test_sigterm_ends_a_program_whose_call_gets_no_response(mode, monkeypatch):
+    monkeypatch.setenv("TASKRPC_LIKE_ROS", mode)
+    body = """
+        import srvgen
+        real = rclpy.create_node("real")
+        client = real.create_client(srvgen.load("std_srvs/srv/Trigger"), "absent")
+        rclpy.spin_once(node)  # prints "up"
+        client.call(srvgen.load("std_srvs/srv/Trigger").Request())
+    """
+    status, _, err = ended_by(signal.SIGTERM, body)
+    assert status == 1
+    assert err.endswith("ExternalShutdownException (a signal has shut rclpy down)\n")
+
+
 def test_a_node_may_publish_while_the_shutdown_destroys_it():
     """A node that stops its robot in `destroy_node` must still be heard."""
 
