@@ -104,11 +104,44 @@ class _OneMessageHook:
             return
         messages = messages_of(error, self._is_ours, _location, self._hint)
         if not messages:
-            sys.__excepthook__(kind, error, traceback)
+            keep_program_frames(error)
+            sys.__excepthook__(kind, error, error.__traceback__)
             return
         print("\n".join(messages), file=sys.stderr)
         if not hasattr(sys, "ps1") and not sys.flags.interactive:
             raise SystemExit(self._exit_status(next(_members(error))))
+
+
+def keep_program_frames(error: BaseException) -> None:
+    """Remove the lines of taskrpc from the traceback of an error and of those that caused it.
+
+    A traceback without other lines stays, as all do with `python -X dev`.
+    """
+    from types import TracebackType
+
+    seen: set[int] = set()
+    each: BaseException | None = None if sys.flags.dev_mode else error
+    while each is not None and id(each) not in seen:
+        seen.add(id(each))
+        kept = None
+        for frame in reversed(list(_frames(each.__traceback__))):
+            if not _is_hidden(frame.tb_frame.f_code.co_filename):
+                kept = TracebackType(kept, frame.tb_frame, frame.tb_lasti, frame.tb_lineno)
+        each.__traceback__ = kept or each.__traceback__
+        each = each.__cause__ or each.__context__
+
+
+def _frames(traceback: TracebackType | None) -> Iterator[TracebackType]:
+    while traceback is not None:
+        yield traceback
+        traceback = traceback.tb_next
+
+
+def _is_hidden(file: str) -> bool:
+    threading = sys.modules.get("threading")
+    return file.startswith(_OWN_PACKAGES) or (
+        threading is not None and file == getattr(threading, "__file__", None)
+    )
 
 
 def messages_of(

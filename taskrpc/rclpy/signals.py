@@ -13,6 +13,8 @@ import weakref
 from types import FrameType, TracebackType
 from typing import Any
 
+from srvgen import excepthook
+
 from . import context as _context
 from ._impl.execution import signal_reminder
 
@@ -87,6 +89,7 @@ def _install(number: int) -> None:
         _before[number] = before
         signal.signal(number, _handle)
         _end_quietly()
+        _shorten_tracebacks_of_threads()
     signal_reminder.begin(number, _handle)
 
 
@@ -151,6 +154,21 @@ def _told(kind: type[BaseException], error: BaseException) -> bool:
     reason = f": {error}" if str(error) else ""
     print(f"{kind.__name__}{reason} (a signal has shut rclpy down)", file=sys.stderr)
     return True
+
+
+@functools.cache
+def _shorten_tracebacks_of_threads() -> None:
+    """Show only the program's lines if a callback ends a thread that spins."""
+    others = threading.excepthook
+
+    def show(args: threading.ExceptHookArgs) -> None:
+        kind, error = args.exc_type, args.exc_value
+        if error is not None:
+            excepthook.keep_program_frames(error)
+            args = threading.ExceptHookArgs((kind, error, error.__traceback__, args.thread))
+        others(args)
+
+    threading.excepthook = show
 
 
 @functools.cache

@@ -11,6 +11,7 @@ from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
+from srvgen import excepthook
 from taskrpc.actions.goals import GoalLedger, GoalRecord, goals_to_cancel
 from taskrpc.actions.messages import ActionMessages, bytes_of, nanoseconds_of
 from taskrpc.actions.states import GoalEvent, next_state
@@ -345,7 +346,8 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             result = self._action_type.Result()
             self._logger.error(f"Error raised in execute callback: {error}")
             if not self._node.context.is_over:  # else the shutdown is the reason
-                traceback.print_exc()
+                excepthook.keep_program_frames(error)
+                traceback.print_exception(error)
         if goal_handle.is_active:
             self._logger.warning(f"Goal state not set, assuming aborted. Goal ID: {goal}")
             goal_handle.abort()

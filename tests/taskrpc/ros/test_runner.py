@@ -156,6 +156,51 @@ def test_traceback_shows_only_frames_of_the_program(run):
     assert "taskrpc" not in error
 
 
+_NODE = "import rclpy, threading\nrclpy.init()\nnode = rclpy.create_node('n')\n"
+_TICK = _NODE + "def tick():\n    1/0\nnode.create_timer(0.01, tick)\n"
+_POOL = "executor = rclpy.executors.MultiThreadedExecutor()\nexecutor.add_node(node)\n"
+
+
+@pytest.mark.parametrize(
+    ("source", "last"),
+    [
+        (_TICK + "rclpy.spin(node)\n", "ZeroDivisionError"),
+        (_TICK + _POOL + "executor.spin()\n", "ZeroDivisionError"),
+        (
+            _TICK + "thread = threading.Thread(target=rclpy.spin, args=[node])\n"
+            "thread.start()\nthread.join()\n",
+            "ZeroDivisionError",
+        ),
+        (_NODE + "rclpy.create_node('a b')\n", "rclpy.exceptions.InvalidNodeNameException"),
+        (_NODE + "node.create_publisher(int, 't', 1)\n", "AttributeError"),
+        ("import rclpy\nrclpy.create_node('n')\n", "rclpy.exceptions.NotInitializedException"),
+        (
+            "import rclpy.node\nrclpy.init()\n"
+            "class N(rclpy.node.Node):\n    def __init__(self): self.create_timer(1, print)\nN()\n",
+            "AttributeError",
+        ),
+        (
+            _NODE + "from rclpy.action import ActionClient, ActionServer\n"
+            "from example_interfaces.action import Fibonacci\n"
+            "server = ActionServer(node, Fibonacci, 'count', lambda goal: 1/0)\n"
+            "client = ActionClient(node, Fibonacci, 'count')\n"
+            "client.wait_for_server()\n"
+            "sent = client.send_goal_async(Fibonacci.Goal())\n"
+            "rclpy.spin_until_future_complete(node, sent)\n"
+            "result = sent.result().get_result_async()\n"
+            "rclpy.spin_until_future_complete(node, result)\n",
+            "ZeroDivisionError",
+        ),
+    ],
+)
+def test_a_traceback_has_no_lines_of_the_library(run, source, last):
+    _, _, error = run(source)
+    assert f"\n{last}: " in error
+    places = [line.strip() for line in error.splitlines() if line.startswith("  File ")]
+    assert places
+    assert all(line.startswith('File "program.py"') for line in places)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
 def test_ctrl_c_is_one_line_and_ends_as_python_does_unless_the_program_catches_it(tmp_path):
     start = "import rclpy, time\nrclpy.init()\nnode = rclpy.create_node('n')\n"
