@@ -13,8 +13,8 @@ from ._impl.graph.qos_policies import (
     QoSPolicyKind,
     ReliabilityPolicy,
 )
+from ._impl.parameters.callbacks import SetParametersResult
 from ._impl.parameters.declarations import ParameterDescriptor
-from ._impl.parameters.node_parameters import SetParametersResult
 from .duration import Duration
 from .exceptions import ParameterAlreadyDeclaredException
 from .publisher import Publisher

@@ -21,9 +21,7 @@ _NAMES = (
     "tf2_ros",
 )
 
-_OF_PYTHON = ("sitecustomize", "usercustomize")
-"""Modules that each start of Python tries to import."""
-
+_OF_PYTHON = ("sitecustomize", "usercustomize")  # each start of Python tries to import them
 _MOST = 100
 """Most names in a folder that are read: a workspace has few."""
 
