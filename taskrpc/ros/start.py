@@ -15,11 +15,7 @@ if TYPE_CHECKING:
 
 _KINDS = ("srv", "msg", "action")
 _MANIFESTS = ("package.xml", "setup.py")
-_NAMES = (
-    "rclpy",
-    # Missing packages, whose import the hook explains.
-    "tf2_ros",
-)
+_NAMES = ("rclpy", "tf2_ros")  # the import of tf2_ros is explained if it is missing
 
 _OF_PYTHON = ("sitecustomize", "usercustomize")  # each start of Python tries to import them
 _MOST = 100
