@@ -114,8 +114,10 @@ def test_of_the_ended_tasks_only_an_interrupted_one_is_dropped(state):
         assert (decision.task.state, decision.task.ended_at) == (TaskState.CANCELED, 9.0)
         assert decision.task.message == "dropped"
     else:
-        assert decision.success is (state is TaskState.CANCELED)
-        assert decision.message.startswith("Task 7 is ")
+        dropped = TaskResponse(True, "Task 7 is dropped already", 7)
+        rule = "only a queued or interrupted task can be dropped"
+        refused = TaskResponse(False, f"Task 7 is {state.value}: {rule}")
+        assert decision == (dropped if state is TaskState.CANCELED else refused)
 
 
 @pytest.mark.parametrize(
@@ -130,7 +132,7 @@ def test_of_the_ended_tasks_only_an_interrupted_one_is_dropped(state):
 )
 def test_response_to_a_cancel_says_whether_the_robot_has_halted(state, is_over, success, message):
     response = rules.halted(task(state), is_over=is_over)
-    assert (response.success, response.message) == (success, message)
+    assert response == TaskResponse(success, message, 7 if success else -1)
 
 
 # Reprioritise
@@ -150,6 +152,7 @@ def test_only_a_queued_task_is_moved(state):
 @pytest.mark.parametrize("priority", [0, 11])
 def test_wrong_priority_is_refused_before_the_task_is_looked_at(priority):
     response = rules.reprioritise(None, 7, priority)
+    assert response.success is False
     assert response.message.startswith(f"Invalid priority: {priority}")
 
 
@@ -157,7 +160,11 @@ def test_wrong_priority_is_refused_before_the_task_is_looked_at(priority):
 
 
 def requeue(state, *, resume=False, problem=""):
-    return rules.requeue(task(state), 7, resume=resume, refusal=lambda _: problem)
+    def refusal(refused):
+        assert refused == task(state)
+        return problem
+
+    return rules.requeue(task(state), 7, resume=resume, refusal=refusal)
 
 
 @pytest.mark.parametrize("resume", [False, True])
