@@ -253,7 +253,7 @@ class GoalAborted(GoalFailed):
 
 
 class GoalCanceled(GoalFailed):
-    """The goal ended because a client cancelled it; it may have begun."""
+    """A client, or the server at its end, cancelled the goal; it may have begun."""
 
 
 class InvalidName(TaskRpcError, ValueError):

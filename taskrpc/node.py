@@ -57,6 +57,8 @@ log = logging.getLogger("taskrpc.node")
 
 DRAIN_GRACE = 30.0
 """Seconds that calls in flight get when a node shuts down."""
+GOAL_GRACE = 2.0
+"""Seconds that goals get when a node shuts down: they may take far longer than calls."""
 
 
 class _Part(Protocol):
@@ -140,7 +142,8 @@ class Node:
         self._transport: Endpoint | None = None
         """None before `start` and after `destroy`."""
         # Dicts as ordered sets: removing one of thousands of entries is fast.
-        self._services: dict[Service | DeferredService | ActionServer, None] = {}
+        self._services: dict[Service | DeferredService | ActionServer, Callable[[], None]] = {}
+        """The services and actions, and how each begins to end when the program is stopped."""
         self._clients: dict[Client[Any, Any], None] = {}
         self._retries: dict[str, int] = {}
         """Retries of destroyed clients, by service."""
@@ -250,14 +253,15 @@ class Node:
     async def spin(self) -> None:
         """Serve until Ctrl-C, SIGTERM or a cancellation; then finish the calls in flight.
 
-        A second signal ends the program at once.
+        Goals of its actions are cancelled, and aborted if they still run 2 s later. A second signal
+        ends the program at once.
         """
         await self.start()
         async with stop_requested() as stopped:
             try:
                 await stopped
             finally:
-                await self.drain()
+                await self._finish()
 
     def _warn_unspun(self, spin: str) -> None:
         """Say that the program ends before a callback of this node could run."""
@@ -270,8 +274,14 @@ class Node:
             "%s ends before a callback of it could run; end its block with `%s`", what, spin
         )
 
+    async def _finish(self) -> None:
+        """Drain; but goals, which may take hours, are cancelled."""
+        for end in list(self._services.values()):
+            end()
+        await self.drain()
+
     async def drain(self, grace: float = DRAIN_GRACE) -> None:
-        """Withdraw the services and wait for calls in flight, at most `grace` seconds.
+        """Withdraw the services and wait for calls in flight and goals, at most `grace` seconds.
 
         Later calls go to another server of the same service, if there is one.
         """
@@ -333,7 +343,7 @@ class Node:
             observer=self._observer,
             role=role,
         )
-        self._keep(service)
+        self._keep(service, service.destroy)
         return service
 
     def create_deferred_service(
@@ -365,7 +375,7 @@ class Node:
             observer=self._observer,
             role=role,
         )
-        self._keep(service)
+        self._keep(service, service.destroy)
         return service
 
     def create_client(
@@ -508,7 +518,7 @@ class Node:
                 HandlerError rejects the goal with a reason. The default accepts all goals.
             cancel: `cancel(goal)` returns whether the server cancels a goal; it may be async. The
                 default cancels all. A goal that waits ends at once; the callback of one that runs
-                must end it.
+                must end it. At the end of `spin`, it is called outside a call.
             concurrency: how many goals run at a time; other accepted goals wait, at most 1024.
             threaded: whether a plain callback runs in a thread instead of on the event loop.
             result_timeout: the seconds for which results are kept, of at most 10,000 goals.
@@ -534,7 +544,7 @@ class Node:
         )
         for service in server.services:
             self._services.pop(service, None)  # the action server ends them
-        self._keep(server)
+        self._keep(server, partial(server.stop, GOAL_GRACE))
         return server
 
     def create_action_client(
@@ -628,8 +638,10 @@ class Node:
     def _run_callbacks(self) -> None:
         self._can_run_callbacks = True
 
-    def _keep(self, service: Service | DeferredService | ActionServer) -> None:
-        self._services[service] = None
+    def _keep(
+        self, service: Service | DeferredService | ActionServer, end: Callable[[], None]
+    ) -> None:
+        self._services[service] = end
         self._expect_callbacks()
         service.finished.add_done_callback(lambda _: self._services.pop(service, None))
 

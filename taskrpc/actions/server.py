@@ -123,11 +123,7 @@ class ActionServer:
         wall_clock: Callable[[], int] = time_of_day_ns,
     ) -> None:
         _check_settings(concurrency, result_timeout)
-        check_callback(execute, f"the callback of {action_name}", ("a goal",))
-        if accept_goal is not None:
-            check_callback(accept_goal, f"`goal=` of {action_name}", ("a request",))
-        if accept_cancel is not None:
-            check_callback(accept_cancel, f"`cancel=` of {action_name}", ("a goal",))
+        _check_callbacks(action_name, execute, accept_goal, accept_cancel)
         names.check_unexpanded(action_name, "action name")
         self.action_type = action_type
         self.action_name = node.resolve_service_name(action_name)
@@ -155,6 +151,10 @@ class ActionServer:
         self._expiry: asyncio.TimerHandle | None = None
         self._later_status: asyncio.TimerHandle | None = None
         """The timer that publishes the status when there are many goals."""
+        self._grace: asyncio.TimerHandle | None = None
+        """The timer that aborts the goals which still run after `stop`."""
+        self._cancelling: asyncio.Future[list[bool]] | None = None
+        """The cancellations of `stop`."""
         self._destroyed = self._is_abandoned = self._has_warned = False
         self._starter = EagerStarter(self._loop, self._held_loop)
         self._threads = DaemonThreads(concurrency, f"taskrpc {action_name}") if threaded else None
@@ -221,6 +221,33 @@ class ActionServer:
             del self._waiting[goal._record.goal_id]
             goal._record.change(GoalEvent.EXECUTE)  # only a goal that executes can be ABORTED
             self._end(goal, GoalEvent.ABORT, None, error)
+        self._finish_if_idle()
+
+    def stop(self, grace: float) -> None:
+        """Destroy the server and cancel its goals; abort goals that run `grace` seconds later.
+
+        The program may refuse to cancel a goal, as when a client asks. The callback of an aborted
+        goal is cancelled, but a thread goes on.
+        """
+        self.destroy()
+        if self.finished.done() or self._grace is not None:
+            return
+        self._grace = self._loop.call_later(grace, self._abort_running, grace)
+        self._cancelling = asyncio.gather(
+            *(self._cancel(goal._record) for goal in self._goals.values())
+        )
+
+    def _abort_running(self, grace: float) -> None:
+        # Not UNAVAILABLE, which promises that the callback did nothing.
+        error = HandlerFailed(Code.OUTCOME_UNKNOWN, "the action server ended before the goal did")
+        jobs, self._jobs = self._jobs, {}
+        for goal in list(self._goals.values()):
+            text = "goal %s of %s has not ended within %g s, so it was aborted"
+            log.warning(text, goal.goal_id, self.action_name, grace)
+            self._end(goal, GoalEvent.ABORT, None, error)
+        for job in jobs.values():
+            if job is not None:
+                job.cancel()
         self._finish_if_idle()
 
     def abandon(self) -> None:
@@ -423,7 +450,7 @@ class ActionServer:
                     result = await result
             self._check_result(result)
         except BaseException as error:
-            if self._is_abandoned:
+            if self._is_abandoned or not goal.state.is_active:
                 raise
             self._ended(goal, GoalEvent.ABORT, None, self._failure(goal._record.goal_id, error))
             if isinstance(error, SystemExit | KeyboardInterrupt):
@@ -521,7 +548,7 @@ class ActionServer:
         if not self._destroyed or self._goals or self.finished.done():
             return
         self.finished.set_result(None)
-        for timer in (self._expiry, self._later_status):
+        for timer in (self._expiry, self._later_status, self._grace, self._cancelling):
             if timer is not None:
                 timer.cancel()
         for part in (*self.services, self._feedback, self._status):
@@ -552,6 +579,19 @@ async def _decision(name: str, answer: object) -> bool:
     if answer is None:
         raise TypeError(f"`{name}=`: expected a function that returns True or False, got None")
     return bool(answer)
+
+
+def _check_callbacks(
+    action_name: str,
+    execute: Execute[Any, Any, Any],
+    accept_goal: AcceptGoal[Any] | None,
+    accept_cancel: AcceptCancel[Any, Any, Any] | None,
+) -> None:
+    check_callback(execute, f"the callback of {action_name}", ("a goal",))
+    if accept_goal is not None:
+        check_callback(accept_goal, f"`goal=` of {action_name}", ("a request",))
+    if accept_cancel is not None:
+        check_callback(accept_cancel, f"`cancel=` of {action_name}", ("a goal",))
 
 
 def _check_settings(concurrency: int, result_timeout: float) -> None:

@@ -44,11 +44,13 @@ class ServerGoal(Generic[GoalT, ResultT, FeedbackT]):
 
     @property
     def is_cancel_requested(self) -> bool:
-        """Whether a client has cancelled the goal, and the server has accepted this."""
+        """Whether a client has cancelled the goal, or the program ends, and the server
+        has accepted this.
+        """
         return self._record.state is GoalState.CANCELING
 
     async def wait_for_cancel(self) -> None:
-        """Wait until a client cancels the goal."""
+        """Wait until the goal is cancelled: by a client, or because the program ends."""
         await self._cancelled.wait()
 
     def publish_feedback(self, feedback: FeedbackT) -> None:
@@ -62,7 +64,7 @@ class ServerGoal(Generic[GoalT, ResultT, FeedbackT]):
     def canceled(self, result: ResultT) -> ResultT:
         """End the goal as cancelled: write `return goal.canceled(result)`.
 
-        Raises InvalidTransition if no client has cancelled the goal.
+        Raises InvalidTransition if the goal is not being cancelled.
         """
         next_state(self._record.state, GoalEvent.CANCELED)
         self._ending = GoalEvent.CANCELED

@@ -32,7 +32,7 @@ class GoalState(IntEnum):
     SUCCEEDED = 4
     """The server completed the goal."""
     CANCELED = 5
-    """The goal ended because a client cancelled it."""
+    """The goal ended because a client, or the server at its end, cancelled it."""
     ABORTED = 6
     """The server ended the goal without completing it."""
 

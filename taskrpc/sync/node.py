@@ -341,8 +341,9 @@ class Node:
         return self._loop.run(self._node.statistics(timeout), "statistics()")
 
     def spin(self) -> None:
-        """Serve until Ctrl-C or SIGTERM, then finish the calls in flight; a second signal ends
-        the program at once.
+        """Serve until Ctrl-C or SIGTERM; then finish the calls in flight, as `taskrpc.Node.spin`.
+
+        A second signal ends the program at once.
         """
         Node._has_waited = True
         is_stopped = False
@@ -357,7 +358,7 @@ class Node:
             # Not an Event: a signal may come while this thread holds the lock that `set` needs.
             while not is_stopped:
                 time.sleep(SLICE)
-            self._loop.run(self._node.drain(), "spin()")
+            self._loop.run(self._node.finish(), "spin()")
 
     def destroy(self) -> None:
         """Withdraw its services and topics and leave the network; `with` does it."""
@@ -487,6 +488,10 @@ class _Node(_node.Node):
     """The asynchronous node on the event loop, which other threads use."""
 
     _threads = True
+
+    async def finish(self) -> None:
+        """Finish the calls in flight, and cancel the goals."""
+        await self._finish()
 
     def warn_unspun(self) -> None:
         """Say that the program ends at once, if the node has callbacks."""

@@ -15,7 +15,7 @@ import srvgen
 from taskrpc.actions.messages import bytes_of
 from taskrpc.actions.server import ActionServer
 from taskrpc.actions.server_goal import ServerGoal
-from taskrpc.callinfo import Denied, current_call
+from taskrpc.callinfo import Denied, answering, current_call
 from taskrpc.errors import (
     Code,
     HandlerError,
@@ -134,6 +134,8 @@ class TaskAction:
                 await self._manager.cancel(response.task_id, client=client)
 
     async def _cancel(self, goal: ServerGoal[Any, Any, Any]) -> bool:
+        if answering.get() is None:
+            return False  # the node ends: the task is interrupted, and not cancelled
         try:
             refuse_others_task(self._manager.repository.find(self._task_ids[goal.goal_id]))
         except Denied as error:

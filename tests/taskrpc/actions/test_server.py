@@ -1,6 +1,7 @@
 """Action servers: which goals run when, and what becomes of them."""
 
 import asyncio
+import contextlib
 import re
 import threading
 import time
@@ -10,6 +11,7 @@ import pytest
 import srvgen
 import taskrpc
 from taskrpc import GoalState, QoS
+from taskrpc import node as module_of_node
 from taskrpc.actions import server as module
 from taskrpc.actions.messages import ActionMessages, states_in
 from taskrpc.actions.states import InvalidTransition
@@ -423,6 +425,103 @@ async def test_the_callbacks_of_a_destroyed_node_are_cancelled():
         assert isinstance(await ending(handle), taskrpc.OutcomeUnknown)
         assert ended == [True]
         assert server.finished.done()
+
+
+# The end of the program: `spin` stops the server
+
+
+@contextlib.asynccontextmanager
+async def stopped_programs(execute, **options):
+    """A goal that runs when the program is told to end: yields its handle and the spin."""
+    async with programs(execute, **options) as (node, _, client):
+        spinning = asyncio.ensure_future(node.spin())
+        handle = await client.send_goal(order(1000))
+        await until(lambda: handle.state is GoalState.EXECUTING)
+        spinning.cancel()  # as a signal does
+        yield handle, spinning
+        await asyncio.wait([spinning])
+
+
+async def test_a_program_that_ends_cancels_its_goals():
+    began = asyncio.get_running_loop().time()
+    async with stopped_programs(Sleeper()) as (handle, spinning):
+        error = await ending(handle)
+        assert isinstance(error, taskrpc.GoalCanceled)
+        assert list(error.result.sequence) == [1000]
+        await asyncio.wait([spinning])
+        assert asyncio.get_running_loop().time() - began < module_of_node.GOAL_GRACE
+
+
+async def test_a_callback_that_ignores_the_end_is_cancelled_after_the_grace(caplog):
+    ended = []
+
+    async def execute(goal):
+        try:
+            await asyncio.sleep(100)
+        finally:
+            ended.append(goal.state)
+
+    async with stopped_programs(execute) as (handle, spinning):
+        began = asyncio.get_running_loop().time()
+        error = await ending(handle)
+        assert asyncio.get_running_loop().time() - began == pytest.approx(2.0, abs=0.1)
+        await asyncio.wait([spinning])
+    assert (type(error), error.code) == (taskrpc.GoalAborted, taskrpc.Code.OUTCOME_UNKNOWN)
+    assert error.not_executed is False
+    assert ended == [GoalState.ABORTED]
+    (line,) = caplog.messages
+    assert re.fullmatch(r"goal .* of /fibonacci has not ended within 2 s, so it was aborted", line)
+
+
+@pytest.mark.real_time  # in virtual time, no time passes while a thread works
+async def test_a_thread_that_ignores_the_end_delays_it_only_by_the_grace(monkeypatch):
+    monkeypatch.setattr(module_of_node, "GOAL_GRACE", 0.05)
+    gate, refused = threading.Event(), []
+
+    def execute(goal):
+        gate.wait(60)
+        try:
+            goal.publish_feedback(feedback(1))
+        except taskrpc.TaskRpcError as error:
+            refused.append(error)
+        return result(1)
+
+    async with stopped_programs(execute, threaded=True) as (handle, spinning):
+        error = await ending(handle)
+        await asyncio.wait([spinning])
+        gate.set()
+        await until(lambda: refused)
+    assert error.code is taskrpc.Code.OUTCOME_UNKNOWN
+
+
+@pytest.mark.parametrize("answer", ["refuses", "hangs"])
+async def test_a_program_that_does_not_cancel_a_goal_gets_the_grace_and_not_more(answer):
+    async def cancel(goal):
+        if answer == "hangs":
+            await asyncio.sleep(100)
+        return False
+
+    states = []
+
+    async def execute(goal):
+        await asyncio.sleep(1.5)
+        states.append(goal.state)
+        await asyncio.sleep(100)
+
+    async with stopped_programs(execute, cancel=cancel) as (handle, spinning):
+        error = await ending(handle, 10)
+        await asyncio.wait([spinning])
+    assert error.code is taskrpc.Code.OUTCOME_UNKNOWN
+    assert states == [GoalState.EXECUTING]
+
+
+async def test_a_goal_that_ends_within_the_grace_has_its_result():
+    async def execute(goal):
+        await asyncio.sleep(1.0)
+        return result(7)
+
+    async with stopped_programs(execute) as (handle, _):
+        assert await ending(handle) == [7]
 
 
 # Settings

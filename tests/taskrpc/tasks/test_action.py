@@ -158,6 +158,20 @@ async def test_goals_of_a_server_that_ends_fail_and_their_tasks_stay(lab):
     assert lab.task(2).state is TaskState.QUEUED
 
 
+async def test_a_node_that_ends_interrupts_the_task_of_a_goal_and_does_not_cancel_it(lab):
+    spinning = asyncio.ensure_future(lab.node.spin())
+    handle = await lab.client.send_goal(move(500))
+    await until(lambda: lab.task(1).state is TaskState.RUNNING, WAITS)
+    spinning.cancel()  # as a signal does
+    await asyncio.wait([spinning])
+    error = await outcome(handle.result(WAITS))
+    assert isinstance(error, taskrpc.GoalAborted)
+    assert error.code is taskrpc.Code.OUTCOME_UNKNOWN
+    assert lab.task(1).state is TaskState.RUNNING
+    await lab.server.close()
+    assert lab.task(1).state is TaskState.INTERRUPTED
+
+
 async def test_feedback_arrives_also_while_a_task_waits(lab):
     await lab.client.send_goal(move(60))
     handle = await lab.client.send_goal(move(70))
