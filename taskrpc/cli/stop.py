@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import argparse
+import asyncio
+import contextlib
+import os
 import time
 from collections.abc import Sequence
+from functools import partial
+from typing import Any
 
+import srvgen
 from taskrpc import platform
+from taskrpc.actions.messages import STATUS_QOS, states_in
+from taskrpc.actions.names import names_of
+from taskrpc.cli.action.action_graph import actions
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.shared.processes import Process, listing, processes
+from taskrpc.node import Node
 from taskrpc.transport import suggestions
 
 END_TIMEOUT = 5.0
 """Seconds that a process gets to end."""
 
 _POLL = 0.05  # seconds between two looks at the registry
+_STATUS_TIMEOUT = 1.0
+"""Seconds for the status of actions to arrive; an action without goals sends none."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -103,6 +115,31 @@ def _still_running(left: Sequence[Process]) -> NotFound:
     return error
 
 
+async def _actions_with_goals(process: Process) -> list[str]:
+    """Return the actions of a process whose goals run, as the status of each says."""
+    offered = [name for name, each in actions(process.entries).items() if each.servers]
+    running: set[str] = set()
+    heard = asyncio.Event()
+
+    def on_status(name: str, message: Any) -> None:
+        if any(state.is_active for state in states_in(message).values()):
+            running.add(name)
+            heard.set()
+
+    if offered:
+        status = srvgen.load("action_msgs/msg/GoalStatusArray")
+        node = Node(f"_taskrpc_cli_{os.getpid()}", namespace="/")
+        node.domain = process.domain
+        async with node:
+            for name in offered:
+                topic = names_of(name).status
+                node.create_subscription(status, topic, partial(on_status, name), STATUS_QOS)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(_STATUS_TIMEOUT):
+                    await heard.wait()
+    return sorted(running)
+
+
 def _why(before: Process) -> str:
     """Return why a process still runs; `before` is its entry from before the signal."""
     now = next((each for each in processes() if each.pid == before.pid), None)
@@ -111,10 +148,12 @@ def _why(before: Process) -> str:
             "has destroyed its nodes, but a thread that is no daemon, or other code, still runs;"
             " --force ends it at once"
         )
-    if before.services and not now.services:
-        return "waits for calls in flight, and then ends; --force does not wait for them"
     if platform.ignores_end(before.pid):
         return "ignores the signal to end (SIGTERM); --force ends it at once"
+    if held_by := asyncio.run(_actions_with_goals(now)):
+        return f"waits for running goals of {', '.join(held_by)}; --force does not wait for them"
+    if before.services and not now.services:
+        return "waits for calls in flight, and then ends; --force does not wait for them"
     return (
         "does not react: a callback may block it, or it handles the signal itself; --force ends it"
         " at once"

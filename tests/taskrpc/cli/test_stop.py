@@ -159,6 +159,44 @@ def test_draining_program_and_hanging_program_are_distinguished(tmp_path, run, m
         assert run("stop", "--force", "slow")[0] == 0
 
 
+GOAL = """
+import asyncio, signal, srvgen, taskrpc
+Fibonacci = srvgen.load("example_interfaces/action/Fibonacci")
+
+async def execute(goal):
+    print("runs", flush=True)
+    await asyncio.sleep(600)
+
+async def main():
+    async with taskrpc.Node("fibber") as node:
+        node.create_service(srvgen.load("std_srvs/srv/Empty"), "empty", lambda _, r: r)
+        node.create_action_server(Fibonacci, "fibonacci", execute)
+        node.create_action_server(Fibonacci, "idle", execute)
+        ended = asyncio.Event()
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, ended.set)
+        client = node.create_action_client(Fibonacci, "fibonacci")
+        await client.wait_for_server()
+        await client.send_goal(Fibonacci.Goal())
+        await ended.wait()
+        await node.drain()
+
+taskrpc.run(main())
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows cannot ask a process to end")
+def test_a_program_that_a_goal_holds_is_reported_with_its_action(tmp_path, run, monkeypatch):
+    monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 0.5)
+    (tmp_path / "fibber.py").write_text(GOAL, encoding="utf-8")
+    command = [sys.executable, "fibber.py"]
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as fibber:
+        assert fibber.stdout.readline() == "runs\n"
+        code, _, err = run("stop")
+        assert run("stop", "--force")[0] == 0
+    assert code == 1
+    assert f"(pid {fibber.pid}) waits for running goals of /fibonacci; --force does not" in err
+
+
 HELD = """
 import asyncio, signal, threading, time, srvgen, taskrpc
 
