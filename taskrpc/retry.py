@@ -33,7 +33,7 @@ class RetryPolicy(msgspec.Struct, frozen=True):
 
     def __post_init__(self) -> None:
         attempts = self.attempts
-        if attempts is not None and (not isinstance(attempts, int) or attempts < 1):
+        if attempts is not None and (not _is_number(attempts, int) or attempts < 1):
             raise ValueError(f"attempts: expected a whole number from 1 or None, got {attempts!r}")
         for name in ("wait_initial", "wait_max"):
             _check(name, getattr(self, name), 0, math.inf, "finite seconds from 0")
@@ -113,5 +113,10 @@ def reconnect_delay(failures: int, chance: float) -> float:
 
 
 def _check(name: str, value: float, lowest: float, highest: float, expected: str) -> None:
-    if not isinstance(value, int | float) or not lowest <= value <= highest or value == math.inf:
+    is_number = _is_number(value, (int, float))
+    if not is_number or not lowest <= value <= highest or value == math.inf:
         raise ValueError(f"{name}: expected {expected}, got {value!r}")
+
+
+def _is_number(value: object, kinds: type | tuple[type, ...]) -> bool:
+    return isinstance(value, kinds) and not isinstance(value, bool)  # a bool is an int
