@@ -153,7 +153,7 @@ class ActionServer:
         """The timer that publishes the status when there are many goals."""
         self._grace: asyncio.TimerHandle | None = None
         """The timer that aborts the goals which still run after `stop`."""
-        self._cancelling: asyncio.Future[list[bool]] | None = None
+        self._cancelling: list[asyncio.Task[bool]] = []
         """The cancellations of `stop`."""
         self._destroyed = self._is_abandoned = self._has_warned = False
         self._starter = EagerStarter(self._loop, self._held_loop)
@@ -233,9 +233,9 @@ class ActionServer:
         if self.finished.done() or self._grace is not None:
             return
         self._grace = self._loop.call_later(grace, self._abort_running, grace)
-        self._cancelling = asyncio.gather(
-            *(self._cancel(goal._record) for goal in self._goals.values())
-        )
+        self._cancelling = [
+            self._loop.create_task(self._cancel(goal._record)) for goal in self._goals.values()
+        ]
 
     def _abort_running(self, grace: float) -> None:
         # Not UNAVAILABLE, which promises that the callback did nothing.
@@ -479,6 +479,11 @@ class ActionServer:
         """Return the error for clients after an exception of a callback; log the traceback."""
         if isinstance(error, HandlerError):
             return HandlerFailed(error.code, str(error.message))
+        if isinstance(error, asyncio.CancelledError):  # the program did it, or ends
+            log.error(
+                "goal %s of %s failed: its callback was cancelled", goal_id.hex(), self.action_name
+            )
+            return HandlerFailed(Code.INTERNAL, "the callback was cancelled")
         excepthook.explain(error)
         log.error("goal %s of %s failed:", goal_id.hex(), self.action_name, exc_info=error)
         text = f"the callback failed; see the server's log, goal {goal_id.hex()}"
@@ -548,7 +553,7 @@ class ActionServer:
         if not self._destroyed or self._goals or self.finished.done():
             return
         self.finished.set_result(None)
-        for timer in (self._expiry, self._later_status, self._grace, self._cancelling):
+        for timer in (self._expiry, self._later_status, self._grace, *self._cancelling):
             if timer is not None:
                 timer.cancel()
         for part in (*self.services, self._feedback, self._status):

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import gc
 import re
 import threading
 import time
@@ -172,13 +173,18 @@ async def test_feedback_of_another_type_and_feedback_after_the_end_are_refused()
         assert (goals[0].goal_id, goals[0].state) == (handle.goal_id, GoalState.SUCCEEDED)
 
 
-async def test_a_callback_that_is_cancelled_by_the_program_aborts_its_goal():
+async def test_a_callback_that_is_cancelled_by_the_program_aborts_its_goal(caplog):
     async def execute(goal):
         raise asyncio.CancelledError
 
     async with programs(execute) as (_, _, client):
         assert isinstance(await ending(await client.send_goal(order(1))), taskrpc.GoalAborted)
         assert isinstance(await ending(await client.send_goal(order(2))), taskrpc.GoalAborted)
+    assert [line.partition("failed")[2] for line in caplog.messages] == [
+        ": its callback was cancelled",
+        ": its callback was cancelled",
+    ]
+    assert {record.exc_info for record in caplog.records} == {None}
 
 
 # Accepting goals and cancellations
@@ -495,7 +501,7 @@ async def test_a_thread_that_ignores_the_end_delays_it_only_by_the_grace(monkeyp
 
 
 @pytest.mark.parametrize("answer", ["refuses", "hangs"])
-async def test_a_program_that_does_not_cancel_a_goal_gets_the_grace_and_not_more(answer):
+async def test_a_program_that_does_not_cancel_a_goal_gets_the_grace_and_not_more(answer, caplog):
     async def cancel(goal):
         if answer == "hangs":
             await asyncio.sleep(100)
@@ -513,6 +519,9 @@ async def test_a_program_that_does_not_cancel_a_goal_gets_the_grace_and_not_more
         await asyncio.wait([spinning])
     assert error.code is taskrpc.Code.OUTCOME_UNKNOWN
     assert states == [GoalState.EXECUTING]
+    del error
+    gc.collect()  # asyncio logs what nobody has awaited
+    assert len(caplog.messages) == 1
 
 
 async def test_a_goal_that_ends_within_the_grace_has_its_result():
