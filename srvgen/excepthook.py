@@ -10,6 +10,7 @@ import sys
 
 TYPE_CHECKING = False  # typing is slow to import
 if TYPE_CHECKING:
+    import threading
     from collections.abc import Callable, Iterator
     from types import TracebackType
 
@@ -27,15 +28,26 @@ def show_in_one_message(
     """Show errors for which `is_ours` is true, by default those of srvgen, without a traceback.
 
     A program with its own excepthook keeps it; `python -X dev` shows all tracebacks. A call with
-    `is_ours` replaces one without, and shows Ctrl-C in one line, too. `hint` returns what else the
-    user should know of an error.
+    `is_ours` replaces one without; it shows Ctrl-C and errors of threads in one line, too. `hint`
+    returns what else the user should know of an error.
     """
     hook = sys.excepthook
     replaceable = hook is sys.__excepthook__ or (
         is_ours is not None and isinstance(hook, _OneMessageHook)
     )
     if replaceable and not sys.flags.dev_mode:
-        sys.excepthook = _OneMessageHook(is_ours or _is_of_srvgen, exit_status, hint)
+        sys.excepthook = mine = _OneMessageHook(is_ours or _is_of_srvgen, exit_status, hint)
+        if is_ours is not None:
+            _show_those_of_threads(mine)
+
+
+def _show_those_of_threads(hook: _OneMessageHook) -> None:
+    import threading  # srvgen alone works without it
+
+    present = threading.excepthook
+    of_hook = isinstance(getattr(present, "__self__", None), _OneMessageHook)
+    if present is threading.__excepthook__ or of_hook:
+        threading.excepthook = hook.of_thread
 
 
 def explain(error: BaseException | None) -> bool:
@@ -102,14 +114,25 @@ class _OneMessageHook:
         if issubclass(kind, KeyboardInterrupt) and self._is_ours is not _is_of_srvgen:
             print("KeyboardInterrupt", file=sys.stderr)  # Python ends the process by SIGINT
             return
-        messages = messages_of(error, self._is_ours, _location, self._hint)
-        if not messages:
+        if not self._told(error):
             keep_program_frames(error)
             sys.__excepthook__(kind, error, error.__traceback__)
-            return
-        print("\n".join(messages), file=sys.stderr)
-        if not hasattr(sys, "ps1") and not sys.flags.interactive:
+        elif not hasattr(sys, "ps1") and not sys.flags.interactive:
             raise SystemExit(self._exit_status(next(_members(error))))
+
+    def of_thread(self, args: threading.ExceptHookArgs) -> None:
+        """Replace `threading.excepthook`: the error ends its thread, and not the program."""
+        if args.exc_value is None or not self._told(args.exc_value):
+            import threading
+
+            threading.__excepthook__(args)
+
+    def _told(self, error: BaseException) -> bool:
+        """Print the message of an error; False if the program's author needs the traceback."""
+        messages = messages_of(error, self._is_ours, _location, self._hint)
+        if messages:
+            print("\n".join(messages), file=sys.stderr)
+        return bool(messages)
 
 
 def keep_program_frames(error: BaseException) -> None:

@@ -85,7 +85,11 @@ class Client(Generic[RequestT, ResponseT]):
         return self._channel.offered
 
     async def wait_for_service(self, timeout: float | None = None) -> bool:
-        """Wait until a server offers the service; False if none does within `timeout` seconds."""
+        """Wait until a server offers the service; False if none does within `timeout` seconds.
+
+        Raises TaskRpcError after `destroy`, so that a loop of a thread ends with the node.
+        """
+        self._channel.refuse_if_closed()
         deadline = None if timeout is None else self._loop.time() + timeout
         return await self._channel.wait(deadline)
 

@@ -145,7 +145,12 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         ) and bool(self._feedback.get_publisher_count() and self._status.get_publisher_count())
 
     async def wait_for_server(self, timeout: float | None = None) -> bool:
-        """Wait until a server offers the action; False if none does within `timeout` seconds."""
+        """Wait until a server offers the action; False if none does within `timeout` seconds.
+
+        Raises TaskRpcError after `destroy`.
+        """
+        if self._destroyed:
+            raise self._gone()
         deadline = None if timeout is None else self._loop.time() + timeout
         for client in (self._send, self._cancel, self._result):
             left = None if deadline is None else max(0.0, deadline - self._loop.time())
@@ -226,7 +231,7 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         self._destroyed = True
         for task in self._tasks:
             task.cancel()
-        error = TaskRpcError(f"the action client of {self.action_name} was destroyed")
+        error = self._gone()
         for handle in self._handles.values():
             handle._failed(GoalState.UNKNOWN, error)
             handle.feedback._end()
@@ -234,6 +239,9 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         for part in (self._send, self._cancel, self._result, self._feedback, self._status):
             part.destroy()
         self._forget(self)
+
+    def _gone(self) -> TaskRpcError:
+        return TaskRpcError(f"the action client of {self.action_name} was destroyed")
 
     def _count_into(self, topics: dict[str, TopicStatus]) -> None:
         """Add nothing: the subscriptions of the node count themselves."""

@@ -208,6 +208,11 @@ class RemoteChannel:
         waiter.call = call
         return connection.begin_in_thread(call)
 
+    def refuse_if_closed(self) -> None:
+        """Raise TaskRpcError once the channel is closed."""
+        if self._closed:
+            raise TaskRpcError(f"the client of {self._shown} is destroyed")
+
     async def connect(self, deadline: float | None) -> None:
         """Find a server of the service and connect to it.
 
@@ -216,8 +221,7 @@ class RemoteChannel:
         TypeMismatch, AuthenticationFailed or PermissionDenied if every server refuses.
         """
         while not self.ready:
-            if self._closed:
-                raise TaskRpcError(f"the client of {self._shown} is destroyed")
+            self.refuse_if_closed()
             connecting = self._connecting
             if connecting is None or connecting.done():
                 self._connecting = connecting = asyncio.ensure_future(self._connect())

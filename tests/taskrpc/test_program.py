@@ -386,3 +386,42 @@ def test_a_signal_ends_a_loop_around_a_wait_in_one_line(program, command, number
         process.send_signal(number)
         _, err = process.communicate(timeout=60)
     assert (process.returncode, err) == (-number, said)
+
+
+def test_an_error_that_ends_a_thread_is_one_message_and_other_errors_keep_their_traceback(tmp_path):
+    program = f"""{SERVER}
+import threading
+
+def call():
+    node.create_client(Add, "absent").call(Add.Request())
+
+with taskrpc.sync.Node("adder") as node:
+    for work in (call, lambda: 1 / 0):
+        thread = threading.Thread(target=work)
+        thread.start()
+        thread.join()
+"""
+    code, err = run_script(tmp_path, program)
+    assert code == 0
+    assert err.count("Traceback") == 1
+    assert "ServiceUnavailable: no server offers /absent" in err.partition("Exception in thread")[0]
+    assert err.endswith("ZeroDivisionError: division by zero\n")
+
+
+def test_a_loop_of_a_thread_ends_with_its_node(tmp_path):
+    program = f"""{SERVER}
+import threading
+begun = threading.Event()
+
+def wait():
+    while not client.wait_for_service(timeout=0.01):
+        begun.set()
+
+with taskrpc.sync.Node("adder") as node:
+    client = node.create_client(Add, "absent")
+    threading.Thread(target=wait).start()
+    begun.wait()
+"""
+    code, err = run_script(tmp_path, program)
+    assert (code, err.count("\n")) == (0, 1)
+    assert err.endswith(": TaskRpcError: the client of /absent is destroyed\n")

@@ -239,6 +239,8 @@ async def test_a_destroyed_client_leaves_its_goals_alone():
             with pytest.raises(taskrpc.TaskRpcError, match="the action client of /fibonacci was"):
                 await handle.result()
             assert [each async for each in handle.feedback] == []
+        with pytest.raises(taskrpc.TaskRpcError, match="the action client of /fibonacci was"):
+            await client.wait_for_server(1)
         await asyncio.sleep(1)
         assert server.status().running == 12
         assert handles[0].state is GoalState.UNKNOWN
