@@ -61,6 +61,12 @@ GOAL_GRACE = 2.0
 """Seconds that goals get when a node shuts down: they may take far longer than calls."""
 
 
+def unspun_text(name: str, offered: Sequence[str], advice: str) -> str:
+    """Return the warning about a node whose program ends before a callback of it could run."""
+    which = f", which offers {', '.join(offered)}," if offered else ""
+    return f"the node {name}{which} ends before a callback of it could run; {advice}"
+
+
 class _Part(Protocol):
     """A publisher, subscription, timer or action client of a node."""
 
@@ -268,11 +274,8 @@ class Node:
         left = [service for service in self._services if not service.finished.done()]
         if not left and not self._parts:
             return
-        offered = ", ".join(service.status().name for service in left)
-        what = f"the node {self._name}{f', which offers {offered},' if offered else ''}"
-        log.warning(
-            "%s ends before a callback of it could run; end its block with `%s`", what, spin
-        )
+        offered = [service.status().name for service in left]
+        log.warning(unspun_text(self._name, offered, f"end its block with `{spin}`"))
 
     async def _finish(self) -> None:
         """Drain; but goals, which may take hours, are cancelled."""

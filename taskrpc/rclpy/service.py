@@ -69,7 +69,8 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self._last: Callable[[], object] | None = None
         """A function to call after the running callback has answered."""
         self._introspection = Introspection(node, srv_type, srv_name)
-        join = srv_type._TYPE.startswith(_OF_EVERY_NODE)
+        self.is_of_every_node = join = srv_type._TYPE.startswith(_OF_EVERY_NODE)
+        """Whether the service is not the program's own, such as those of parameters."""
         self._offered = node.handle.bridge.offer(srv_type, srv_name, self._on_request, join=join)
 
     @property

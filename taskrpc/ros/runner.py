@@ -191,13 +191,16 @@ def _install_hook(folder: str) -> str:
 def _ended(program: Callable[[], object]) -> int:
     try:
         program()
-    except SystemExit:
+    except SystemExit as end:
+        if _failure(end.code):
+            sys.last_value = end
         raise
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
+        sys.last_value = error
         print("KeyboardInterrupt", file=sys.stderr)
         return process.end_by_signal(signal.SIGINT)
     except BaseException as error:
-        error.__traceback__ = _of_program(error.__traceback__)
+        sys.last_value = error.with_traceback(_of_program(error.__traceback__))  # as Python does
         sys.excepthook(type(error), error, error.__traceback__)
         return 1
     return 0

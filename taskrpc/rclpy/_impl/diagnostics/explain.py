@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from taskrpc.execution.callbacks import problem_of_callback
+from taskrpc.node import unspun_text
 
 _reported: set[tuple[object, ...]] = set()
 """The causes whose line was printed."""
@@ -229,6 +230,13 @@ def call_unspun(service: str, node: str) -> None:
         f" takes, because no other thread spins {node}; use call_async and"
         " rclpy.spin_until_future_complete(node, future)",
     )
+
+
+def never_spun(node: str, offered: Sequence[str]) -> None:
+    """Report a node with callbacks that ended before a thread spun it; ROS ends it in silence."""
+    if not like_ros() and sys.stderr is not None:
+        text = unspun_text(node, offered, "call rclpy.spin(node)")
+        print(f"[taskrpc] {text}", file=sys.stderr, flush=True)
 
 
 def two_servers(service: str, *, refused: bool) -> None:

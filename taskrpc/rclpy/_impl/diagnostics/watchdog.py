@@ -48,6 +48,8 @@ _Wait = tuple[tuple[object, ...], float, Any]
 reports it."""
 
 _nodes: weakref.WeakKeyDictionary[NodeInterface, None] = weakref.WeakKeyDictionary()
+_never_spun: dict[str, list[str]] = {}
+"""The nodes that ended with callbacks that could not run, and the services of each."""
 _lock = threading.Lock()
 _is_running = False
 """Whether the check repeats on the background loop."""
@@ -66,10 +68,31 @@ def watch(node: NodeInterface) -> None:
 
 
 def ends(node: NodeInterface) -> None:
-    """Report the pending calls of a node that no thread spins; at the end of the node."""
+    """Report the pending calls of a node that no thread spins; at the end of the node.
+
+    A node with callbacks that no thread has ever spun is reported at the end of the program.
+    """
     pending = sorted({client.service_name for client in clients_of(node) if _is_observed(client)})
     if pending and node.executor is None and not node.context.was_interrupted:
         _report_unspun(node, f"complete the future of a call of {', '.join(pending)}")
+    elif _was_never_spun(node) and (_offered(node) or _has_other_callbacks(node)):
+        _never_spun[node.get_name()] = _offered(node)
+
+
+def _was_never_spun(node: NodeInterface) -> bool:
+    """Whether no thread has spun a node that ends, and neither a signal nor an error ended it."""
+    is_forced = node.context.was_interrupted or sys.exc_info()[1] is not None
+    return not (node.handle.was_spun or is_forced)
+
+
+def _offered(node: NodeInterface) -> list[str]:
+    """The services that the program has created; every node has some more."""
+    return [each.service_name for each in services_of(node) if not each.is_of_every_node]
+
+
+def _has_other_callbacks(node: Any) -> bool:
+    heard = [one for one in node.subscriptions if one.topic_name != "/clock"]  # of simulated time
+    return bool(heard or list(node.timers))
 
 
 class _Check:
@@ -278,6 +301,10 @@ def _at_exit() -> None:
     for node in list(_nodes):
         if node.handle.valid:
             ends(node)
+    # After an error, that is the reason; a test may create nodes and not spin them.
+    if getattr(sys, "last_value", None) is None and "pytest" not in sys.modules:
+        for name, offered in _never_spun.items():
+            explain.never_spun(name, offered)
 
 
 atexit.register(_at_exit)

@@ -94,6 +94,7 @@ def test_a_future_of_an_unspun_node_is_reported_at_the_end(run):
 def test_an_unobserved_call_is_not_reported(run):
     offer = 'node.create_service(AddTwoInts, "add", add)\n'
     call = "node.create_client(AddTwoInts, 'add').call_async(REQUEST)\nprint('sent')"
+    call += "\nrclpy.spin_once(node, timeout_sec=0.0)"
     assert run(HEAD + offer + call) == (0, "sent\n", "")
 
 
@@ -206,3 +207,50 @@ for _ in range(2):
 def test_a_node_that_is_spun_rarely_is_not_reported(run):
     patient = SOONER + "dog._STUCK = 60\n"  # a busy machine may sleep much longer
     assert run(HEAD + patient + NOW_AND_THEN) == (0, "3\n3\n", "")
+
+
+UNSPUN = {
+    "service": 'node.create_service(AddTwoInts, "add", add)',
+    "timer": "node.create_timer(1.0, print)",
+    "subscription": 'node.create_subscription(String, "chatter", print, 10)',
+    "action": 'ActionServer(node, Fibonacci, "fib", print)',
+}
+MORE = """
+from example_interfaces.action import Fibonacci
+from rclpy.action import ActionServer
+from std_msgs.msg import String
+"""
+
+
+@pytest.mark.parametrize("what", UNSPUN)
+@pytest.mark.parametrize("end", ["", "rclpy.shutdown()"])
+def test_a_node_that_ends_before_a_thread_spun_it_is_reported_in_one_line(run, what, end):
+    code, out, err = run(HEAD + MORE + UNSPUN[what] + "\n" + end)
+    offered = {"service": ", which offers /add,", "action": ", which offers /fib/_action/send_goal"}
+    assert (code, out, err.count("\n")) == (0, "", 1)
+    assert err.startswith(f"[taskrpc] the node n{offered.get(what, ' ends before a')}")
+    assert err.endswith(" ends before a callback of it could run; call rclpy.spin(node)\n")
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        'node.create_publisher(String, "chatter", 10).publish(String())',
+        'node.create_client(AddTwoInts, "absent")',
+        'Node("adder").create_service(AddTwoInts, "add", add); sys.exit("wrong")',
+        f"{UNSPUN['timer']}; rclpy.spin_once(node, timeout_sec=0.0)",
+        f"{UNSPUN['service']}; ask('absent', 0.01)",
+        f"{UNSPUN['service']}; raise SystemExit(3)",
+        f"{UNSPUN['service']}; 1 / 0",
+        f"try:\n    {UNSPUN['service']}; 1 / 0\nfinally:\n    rclpy.shutdown()",
+        f"{UNSPUN['service']}; node.destroy_node(); raise KeyboardInterrupt",
+    ],
+)
+def test_a_node_without_callbacks_of_its_own_or_with_another_reason_to_end_is_silent(run, source):
+    _, _, err = run(HEAD + MORE + source)
+    assert "before a callback" not in err
+
+
+def test_an_unspun_node_is_not_reported_with_like_ros(run, monkeypatch):
+    monkeypatch.setenv("TASKRPC_LIKE_ROS", "1")
+    assert run(HEAD + UNSPUN["service"]) == (0, "", "")
