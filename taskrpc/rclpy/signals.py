@@ -145,6 +145,8 @@ def _end_in_one_line() -> None:
 
 def _told(kind: type[BaseException], error: BaseException) -> bool:
     """Print an exception that the signal has caused; returns whether it was one."""
+    if isinstance(error, BaseExceptionGroup) and len(error.exceptions) == 1:  # of an AsyncNode
+        return _told(type(error.exceptions[0]), error.exceptions[0])
     if issubclass(kind, KeyboardInterrupt):
         print("KeyboardInterrupt", file=sys.stderr)
         return True
