@@ -15,7 +15,7 @@ import pytest
 
 FOLDER = Path(__file__).parent
 ROOT = FOLDER.parents[1]
-PACKAGES = "rclpy rmw-fastrtps-cpp std-srvs std-msgs test-msgs geometry-msgs".split()
+PACKAGES = "rclpy rmw-fastrtps-cpp std-srvs std-msgs test-msgs geometry-msgs lifecycle-msgs".split()
 TOOLS = ["pytest", "pytest-asyncio", "pytest-xdist", "hypothesis"]
 HAS_WHEELS = (
     sys.platform == "linux"
