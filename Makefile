@@ -18,7 +18,7 @@ faults:
 
 browser:
 	$(BIN)/pip install --quiet --editable '.[dev,browser]'
-	$(BIN)/pytest -m browser tests/browser tests/taskrpc/turtlesim
+	$(BIN)/pytest -m browser tests/browser tests/ros/turtlesim
 
 notebooks:
 	$(BIN)/pip install --quiet --editable '.[dev,notebooks]'
@@ -37,10 +37,10 @@ slides: site
 
 interop:
 	$(BIN)/pip install --quiet --editable '.[dev,interop]'
-	$(BIN)/pytest -m interop tests/interop tests/taskrpc/transport/contract tests/taskrpc/transport/pubsub tests/taskrpc/ros/packages
+	$(BIN)/pytest -m interop tests/interop tests/core/transport/contract tests/core/transport/pubsub tests/ros/packages
 
 postgres:
-	$(BIN)/pytest -m postgres tests/taskrpc/fleet
+	$(BIN)/pytest -m postgres tests/robot/fleet
 
 soak:
 	$(BIN)/pytest -m faults --soak

@@ -19,10 +19,10 @@ import subprocess
 import sys
 import time
 
-from taskrpc.fleet import FleetManager, FleetSettings
-from taskrpc.fleet.postgres_store import PostgresStore
+from taskrpc.robot.fleet import FleetManager, FleetSettings
+from taskrpc.robot.fleet.postgres_store import PostgresStore
 from taskrpc.robot.protocol import Plan, Pose
-from taskrpc.tasks.model import TaskState
+from taskrpc.robot.tasks.model import TaskState
 from tests.postgres import Cluster, why_missing
 
 HERE = Pose(0.0, 0.0, 0.0)

@@ -20,7 +20,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from taskrpc.labs.variants import Variant
+from taskrpc.course.labs.variants import Variant
 from tests.labs.submissions import LECTURERS, solution_of, submission
 
 

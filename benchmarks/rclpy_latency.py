@@ -39,7 +39,7 @@ def serve_raw() -> None:
 
 
 def serve_rclpy() -> None:
-    from taskrpc import rclpy
+    from taskrpc.ros.packages import rclpy
 
     with rclpy.init(args=[]):
         node = rclpy.create_node("latency_server")
@@ -106,7 +106,7 @@ def raw() -> Iterator[Measure]:
 
 @contextlib.contextmanager
 def layer() -> Iterator[Measure]:
-    from taskrpc import rclpy
+    from taskrpc.ros.packages import rclpy
 
     srv_type = _add_two_ints()
     with server("rclpy"), rclpy.init(args=[]):

@@ -31,9 +31,9 @@ import zenoh
 
 import srvgen
 import taskrpc
-from taskrpc.transport.tunnel.handoff import Handoff
-from taskrpc.transport.zenoh.configuration import configuration_of, router_configuration
-from taskrpc.transport.zenoh.session import open_session
+from taskrpc.core.transport.tunnel.handoff import Handoff
+from taskrpc.middleware.zenoh.configuration import configuration_of, router_configuration
+from taskrpc.middleware.zenoh.session import open_session
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
 KEY, BATCHED_KEY = "benchmark/plain", "benchmark/batched"

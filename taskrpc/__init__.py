@@ -15,7 +15,6 @@ TYPE_CHECKING = False  # importing typing would cost `taskrpc --help` more than 
 if TYPE_CHECKING:
     from taskrpc import errors as errors
     from taskrpc import logs as logs
-    from taskrpc import metrics as metrics
     from taskrpc import sync as sync
     from taskrpc import testing as testing
     from taskrpc.actions.client import ActionClient
@@ -23,8 +22,13 @@ if TYPE_CHECKING:
     from taskrpc.actions.server import ActionServer
     from taskrpc.actions.server_goal import ServerGoal
     from taskrpc.actions.states import GoalState
-    from taskrpc.callinfo import CallInfo, current_call
     from taskrpc.client import Client
+    from taskrpc.core.callinfo import CallInfo, current_call
+    from taskrpc.core.exactly_once import Effect
+    from taskrpc.core.exactly_once.stores import MemoryCompletions, SqliteCompletions
+    from taskrpc.core.observer import NodeStatus, Observer, Observers
+    from taskrpc.core.security.roles import Account, Accounts, Role
+    from taskrpc.core.security.tls import Tls
     from taskrpc.deferred import DeferredCall
     from taskrpc.errors import (
         AuthenticationFailed,
@@ -53,12 +57,10 @@ if TYPE_CHECKING:
         TypeMismatch,
         WouldDeadlock,
     )
-    from taskrpc.exactly_once import Effect
-    from taskrpc.exactly_once.stores import MemoryCompletions, SqliteCompletions
     from taskrpc.message_types import Action, Msg, Srv
-    from taskrpc.metrics import Metrics
     from taskrpc.node import Node
-    from taskrpc.observer import NodeStatus, Observer, Observers
+    from taskrpc.observe import metrics as metrics
+    from taskrpc.observe.metrics import Metrics
     from taskrpc.program import run
     from taskrpc.qos import QoS
     from taskrpc.retry import RetryPolicy
@@ -72,10 +74,8 @@ if TYPE_CHECKING:
         default_world,
         read_map,
     )
-    from taskrpc.security.roles import Account, Accounts, Role
-    from taskrpc.security.tls import Tls
+    from taskrpc.robot.tasks import MemoryStore, SqliteStore, TaskServer
     from taskrpc.service import Service
-    from taskrpc.tasks import MemoryStore, SqliteStore, TaskServer
     from taskrpc.timer import Timer
     from taskrpc.topic import Publisher, Subscription
 
@@ -85,10 +85,10 @@ _HOMES = {
     "actions.server": "ActionServer",
     "actions.server_goal": "ServerGoal",
     "actions.states": "GoalState",
-    "security.roles": "Account Accounts Role",
-    "callinfo": "CallInfo current_call",
+    "core.security.roles": "Account Accounts Role",
+    "core.callinfo": "CallInfo current_call",
     "client": "Client",
-    "exactly_once": "Effect",
+    "core.exactly_once": "Effect",
     "deferred": "DeferredCall",
     "errors": (
         "AuthenticationFailed CannotListen Code ConnectionLost DeadlineExceeded GoalAborted"
@@ -98,23 +98,23 @@ _HOMES = {
         " WouldDeadlock"
     ),
     "message_types": "Action Msg Srv",
-    "metrics": "Metrics",
+    "observe.metrics": "Metrics",
     "node": "Node",
     "program": "run",
-    "observer": "NodeStatus Observer Observers",
+    "core.observer": "NodeStatus Observer Observers",
     "qos": "QoS",
     "retry": "RetryPolicy",
     "robot": "KinematicRobot Plan Pose Robot TargetError World default_world read_map",
     "service": "Service",
-    "exactly_once.stores": "MemoryCompletions SqliteCompletions",
-    "tasks": "MemoryStore SqliteStore TaskServer",
+    "core.exactly_once.stores": "MemoryCompletions SqliteCompletions",
+    "robot.tasks": "MemoryStore SqliteStore TaskServer",
     "timer": "Timer",
     "topic": "Publisher Subscription",
-    "security.tls": "Tls",
+    "core.security.tls": "Tls",
 }
 _HOME_OF = {name: home for home, exported in _HOMES.items() for name in exported.split()}
 
-_MODULES = ("errors", "logs", "metrics", "sync", "testing")
+_MODULES = ("errors", "logs", "sync", "testing")
 
 __all__ = [
     "Account",

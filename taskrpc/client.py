@@ -11,20 +11,20 @@ from contextvars import ContextVar
 from enum import Enum
 from typing import TYPE_CHECKING, Any, Final, Generic
 
-from taskrpc.attempts import Attempts
+from taskrpc.core.attempts import Attempts
+from taskrpc.core.transport.base import OnDone
+from taskrpc.core.transport.channel import RemoteChannel
+from taskrpc.core.transport.codec import ServiceType
+from taskrpc.core.transport.connection.client_threads import CallbackWaiter, Waiter
+from taskrpc.core.transport.connection.deadline_timer import clock_of
+from taskrpc.core.transport.endpoint import Endpoint
+from taskrpc.core.wire.status import code_of
 from taskrpc.errors import Code, InvalidRequest, TaskRpcError
 from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.retry import RetryBudget, RetryPolicy
-from taskrpc.transport.base import OnDone
-from taskrpc.transport.channel import RemoteChannel
-from taskrpc.transport.codec import ServiceType
-from taskrpc.transport.connection.client_threads import CallbackWaiter, Waiter
-from taskrpc.transport.connection.deadline_timer import clock_of
-from taskrpc.transport.endpoint import Endpoint
-from taskrpc.wire.status import code_of
 
 if TYPE_CHECKING:
-    from taskrpc.observer import Observer
+    from taskrpc.core.observer import Observer
 
 DEFAULT_TIMEOUT = 10.0
 """Seconds."""
@@ -303,7 +303,7 @@ class _ObservedCall:
         self._observer, self._service = observer, service
         self._now = now
         self._began = now()
-        from taskrpc.observer import call_observer  # only nodes with an observer need it
+        from taskrpc.core.observer import call_observer  # only nodes with an observer need it
 
         self._call_observer = call_observer
         self._outgoing = call_observer(observer.request_began, service)

@@ -11,17 +11,17 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias
 
+from taskrpc.core.execution.callbacks import check_callback
+from taskrpc.core.security.roles import Role
+from taskrpc.core.transport.base import IncomingCall, Offer
+from taskrpc.core.transport.codec import ServiceType, codec_of
+from taskrpc.core.transport.endpoint import Endpoint
+from taskrpc.core.wire.messages import ServiceEndpoint
 from taskrpc.errors import OutcomeUnknown, ServiceUnavailable, TaskRpcError
-from taskrpc.execution.callbacks import check_callback
 from taskrpc.message_types import RequestT, ResponseT
-from taskrpc.security.roles import Role
-from taskrpc.transport.base import IncomingCall, Offer
-from taskrpc.transport.codec import ServiceType, codec_of
-from taskrpc.transport.endpoint import Endpoint
-from taskrpc.wire.messages import ServiceEndpoint
 
 if TYPE_CHECKING:
-    from taskrpc.observer import Observer, ServiceStatus
+    from taskrpc.core.observer import Observer, ServiceStatus
 
 
 _NOT_OPEN = object()
@@ -152,7 +152,7 @@ class DeferredService:
 
     def status(self) -> ServiceStatus:
         """Return how many calls run and wait."""
-        from taskrpc.observer import ServiceStatus  # few programs need it
+        from taskrpc.core.observer import ServiceStatus  # few programs need it
 
         calls = list(self._open)
         running = sum(call.started for call in calls)

@@ -6,7 +6,7 @@ import logging
 import re
 from typing import IO, Any
 
-from taskrpc.callinfo import answering, log_fields
+from taskrpc.core.callinfo import answering, log_fields
 
 CALL_FIELDS = ("call", "service", "caller", "principal")
 """The attributes that a `CallFilter` gives to each log record."""

@@ -14,8 +14,15 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 from srvgen import excepthook
-from taskrpc import names
 from taskrpc.client import DEFAULT_TIMEOUT, Client, ObservedClient
+from taskrpc.core import names
+from taskrpc.core.request_ids.ids import CompletionStore
+from taskrpc.core.security.roles import Accounts, Role
+from taskrpc.core.security.tls import Tls
+from taskrpc.core.transport.base import Mode, OnMismatch, ProgramStatistics
+from taskrpc.core.transport.discovery.entries import RegistryEntry
+from taskrpc.core.transport.endpoint import Endpoint
+from taskrpc.core.transport.shared_endpoint import lab_namespace, shared_endpoint
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.message_types import (
     Action,
@@ -32,26 +39,19 @@ from taskrpc.message_types import (
 )
 from taskrpc.program import show_errors_in_one_message, stop_requested
 from taskrpc.qos import QoS, qos_of
-from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.retry import RetryPolicy
-from taskrpc.security.roles import Accounts, Role
-from taskrpc.security.tls import Tls
-from taskrpc.transport.base import Mode, OnMismatch, ProgramStatistics
-from taskrpc.transport.discovery.entries import RegistryEntry
-from taskrpc.transport.endpoint import Endpoint
-from taskrpc.transport.shared_endpoint import lab_namespace, shared_endpoint
 
 if TYPE_CHECKING:
     from taskrpc.actions.client import ActionClient
     from taskrpc.actions.server import ActionServer
     from taskrpc.actions.server_goal import AcceptCancel, AcceptGoal, Execute
+    from taskrpc.core.introspection import IntrospectionState, ServiceIntrospection
+    from taskrpc.core.observer import NodeStatus, Observer, TopicStatus
+    from taskrpc.core.transport.connection.incoming_call import RouteFaults
     from taskrpc.deferred import DeferredService, Take
-    from taskrpc.introspection import IntrospectionState, ServiceIntrospection
-    from taskrpc.observer import NodeStatus, Observer, TopicStatus
     from taskrpc.service import Callback, Service
     from taskrpc.timer import Timer
     from taskrpc.topic import Publisher, Subscription
-    from taskrpc.transport.connection.incoming_call import RouteFaults
 
 log = logging.getLogger("taskrpc.node")
 
@@ -590,7 +590,7 @@ class Node:
         Raises CannotListen.
         """
         if self._introspection is None:
-            from taskrpc.introspection import ServiceIntrospection  # few programs need it
+            from taskrpc.core.introspection import ServiceIntrospection  # few programs need it
 
             self._introspection = ServiceIntrospection(self, self._observer)
         self._introspection.configure(service, state, qos)
@@ -627,7 +627,7 @@ class Node:
             name = client.service_name
             retries[name] = retries.get(name, 0) + client.retries
         services = tuple(service.status() for service in list(self._services))
-        from taskrpc.observer import NodeStatus  # few programs need it
+        from taskrpc.core.observer import NodeStatus  # few programs need it
 
         traffic = self._started().traffic()
         return NodeStatus(services, retries, *traffic, self._topic_status())
@@ -663,7 +663,7 @@ class Node:
 
     def _notify(self, method: Callable[[Observer], None]) -> None:
         if self._observer is not None:
-            from taskrpc.observer import call_observer
+            from taskrpc.core.observer import call_observer
 
             call_observer(method, self._observer)
 

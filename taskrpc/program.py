@@ -9,7 +9,8 @@ import os
 from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any, TypeVar, cast
 
-from taskrpc import errors, platform
+from taskrpc import errors
+from taskrpc.core import platform
 from taskrpc.errors import ServiceUnavailable, TaskRpcError, WouldDeadlock
 
 _Result = TypeVar("_Result")
@@ -59,7 +60,7 @@ def suggestion(error: BaseException) -> str:
     """Return what the user can do if the error is a service that no program offers; else ""."""
     if not isinstance(error, ServiceUnavailable) or not error.service:
         return ""
-    from taskrpc.transport import suggestions  # few programs end with an error
+    from taskrpc.core.transport import suggestions  # few programs end with an error
 
     return suggestions.suggestion(error.service)
 

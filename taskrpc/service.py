@@ -13,7 +13,25 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
 
-from taskrpc.callinfo import Denied, answering
+from taskrpc.core.callinfo import Denied, answering
+from taskrpc.core.execution.callbacks import (
+    HOLDS_LOOP_AFTER,
+    DaemonThreads,
+    as_coroutine,
+    check_callback,
+    end_program,
+    run_to_end,
+)
+from taskrpc.core.execution.eager_start import EagerStarter
+from taskrpc.core.execution.fair_queue import FairQueue
+from taskrpc.core.request_ids.ids import CompletionStore
+from taskrpc.core.security.roles import Role
+from taskrpc.core.transport.base import IncomingCall, Mode, Offer
+from taskrpc.core.transport.codec import ServiceType, codec_of
+from taskrpc.core.transport.connection.deadline_timer import TICK, clock_of
+from taskrpc.core.transport.connection.incoming_call import answer_unexpected
+from taskrpc.core.transport.endpoint import Endpoint
+from taskrpc.core.wire.messages import DEFAULT_LIMITS
 from taskrpc.errors import (
     DeadlineExceeded,
     HandlerError,
@@ -24,29 +42,11 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
-from taskrpc.execution.callbacks import (
-    HOLDS_LOOP_AFTER,
-    DaemonThreads,
-    as_coroutine,
-    check_callback,
-    end_program,
-    run_to_end,
-)
-from taskrpc.execution.eager_start import EagerStarter
-from taskrpc.execution.fair_queue import FairQueue
 from taskrpc.message_types import RequestT, ResponseT
-from taskrpc.request_ids.ids import CompletionStore
-from taskrpc.security.roles import Role
-from taskrpc.transport.base import IncomingCall, Mode, Offer
-from taskrpc.transport.codec import ServiceType, codec_of
-from taskrpc.transport.connection.deadline_timer import TICK, clock_of
-from taskrpc.transport.connection.incoming_call import answer_unexpected
-from taskrpc.transport.endpoint import Endpoint
-from taskrpc.wire.messages import DEFAULT_LIMITS
 
 if TYPE_CHECKING:
-    from taskrpc.exactly_once import Deduplicator, Effect
-    from taskrpc.observer import Observer, ServiceStatus
+    from taskrpc.core.exactly_once import Deduplicator, Effect
+    from taskrpc.core.observer import Observer, ServiceStatus
 
 log = logging.getLogger("taskrpc.server")
 
@@ -126,7 +126,7 @@ class Service:
     def _make_deduplicator(self, store: CompletionStore | None) -> Deduplicator | None:
         if store is None:
             return None
-        from taskrpc.exactly_once import Deduplicator  # few services need it
+        from taskrpc.core.exactly_once import Deduplicator  # few services need it
 
         codec = codec_of(self.srv_type.Response)
         return Deduplicator(store, codec, self._arrived)
@@ -159,7 +159,7 @@ class Service:
 
     def status(self) -> ServiceStatus:
         """Return how many calls run and wait."""
-        from taskrpc.observer import ServiceStatus  # few programs need it
+        from taskrpc.core.observer import ServiceStatus  # few programs need it
 
         once = None if self._deduplicator is None else self._deduplicator.status()
         return ServiceStatus(self.service_name, self._running, self._waiting.count, once)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from taskrpc.execution.callbacks import CallbackRunner
+from taskrpc.core.execution.callbacks import CallbackRunner
 
 
 class Timer:

@@ -9,18 +9,18 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic
 
+from taskrpc.core.execution.callbacks import HOLDS_LOOP_AFTER, Callback, CallbackRunner
+from taskrpc.core.security.roles import Role
+from taskrpc.core.transport.base import OnMismatch, TopicSubscription
+from taskrpc.core.transport.endpoint import Endpoint
+from taskrpc.core.wire.frames import Body
+from taskrpc.core.wire.messages import TopicEndpoint
 from taskrpc.errors import InvalidRequest, TaskRpcError
-from taskrpc.execution.callbacks import HOLDS_LOOP_AFTER, Callback, CallbackRunner
 from taskrpc.message_types import MsgT
 from taskrpc.qos import QoS
-from taskrpc.security.roles import Role
-from taskrpc.transport.base import OnMismatch, TopicSubscription
-from taskrpc.transport.endpoint import Endpoint
-from taskrpc.wire.frames import Body
-from taskrpc.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
-    from taskrpc.observer import TopicStatus
+    from taskrpc.core.observer import TopicStatus
 
 log = logging.getLogger("taskrpc.topics")
 
@@ -105,7 +105,7 @@ class Publisher(Generic[MsgT]):
 
         A middleware such as Zenoh does not pass this on.
         """
-        from taskrpc.transport.pubsub.publishing import LocalPublisher  # few programs need it
+        from taskrpc.core.transport.pubsub.publishing import LocalPublisher  # few programs need it
 
         if isinstance(self._sender, LocalPublisher):
             self._sender.set_alive(alive)
@@ -252,7 +252,9 @@ class Subscription(Generic[MsgT]):
 
         All publishers of a middleware such as Zenoh count as alive.
         """
-        from taskrpc.transport.pubsub.subscribing import LocalSubscription  # few programs need it
+        from taskrpc.core.transport.pubsub.subscribing import (
+            LocalSubscription,  # few programs need it
+        )
 
         if isinstance(self._receiver, LocalSubscription) and self._receiver.matched:
             return self._receiver.liveliness
@@ -361,7 +363,7 @@ class Subscription(Generic[MsgT]):
 
 
 def _status_of(topics: dict[str, TopicStatus], name: str) -> TopicStatus:
-    from taskrpc.observer import TopicStatus  # few programs need it
+    from taskrpc.core.observer import TopicStatus  # few programs need it
 
     return topics.setdefault(name, TopicStatus())
 

@@ -22,11 +22,11 @@ from typing import Any, TypeAlias
 
 import srvgen
 import taskrpc
+from taskrpc.core.transport.shared_endpoint import TRANSPORTS, Registration
 from taskrpc.robot.protocol import Plan, Pose
-from taskrpc.tasks.manager import TaskManager, TaskSettings
-from taskrpc.tasks.records.store import MemoryStore
+from taskrpc.robot.tasks.manager import TaskManager, TaskSettings
+from taskrpc.robot.tasks.records.store import MemoryStore
 from taskrpc.testing import VirtualTimeLoop
-from taskrpc.transport.shared_endpoint import TRANSPORTS, Registration
 
 FIGURES = Path(__file__).with_name("steps.json")
 VERSION = f"{sys.version_info.major}.{sys.version_info.minor}"

@@ -22,9 +22,9 @@ import taskrpc
 from taskrpc import errors
 from taskrpc.cli import call, main, server
 from taskrpc.cli.shared import parsing
-from taskrpc.tasks.managed_robot import ManagedRobot
-from taskrpc.tasks.server import OfferedTasks
-from taskrpc.wire import frames, status
+from taskrpc.core.wire import frames, status
+from taskrpc.robot.tasks.managed_robot import ManagedRobot
+from taskrpc.robot.tasks.server import OfferedTasks
 from tests.docs.markdown import Page, read_page
 from tests.docs.stage import Stage
 
@@ -213,13 +213,13 @@ def test_the_reference_has_every_command_with_every_option():
 MODULES = {
     "taskrpc": taskrpc.__all__,
     "taskrpc.sync": importlib.import_module("taskrpc.sync").__all__,
-    "taskrpc.fleet": importlib.import_module("taskrpc.fleet").__all__,
-    "taskrpc.notebook": importlib.import_module("taskrpc.notebook").__all__,
+    "taskrpc.robot.fleet": importlib.import_module("taskrpc.robot.fleet").__all__,
+    "taskrpc.course.notebook": importlib.import_module("taskrpc.course.notebook").__all__,
     "taskrpc.logs": ["CallFilter", "JsonFormatter", "TextFormatter", "handler"],
-    "taskrpc.metrics": ["Family", "Histogram", "Kind", "Sample", "render", "store_families"],
-    "taskrpc.metrics.tasks": ["MeasuredStore", "task_families"],
-    "taskrpc.web": importlib.import_module("taskrpc.web").__all__,
-    "taskrpc.otel": ["Tracing"],
+    "taskrpc.observe.metrics": "Family Histogram Kind Sample render store_families".split(),
+    "taskrpc.observe.metrics.tasks": ["MeasuredStore", "task_families"],
+    "taskrpc.observe.web": importlib.import_module("taskrpc.observe.web").__all__,
+    "taskrpc.observe.otel": ["Tracing"],
     "taskrpc.testing": importlib.import_module("taskrpc.testing").__all__,
     "taskrpc.robot": importlib.import_module("taskrpc.robot").__all__,
     "srvgen": srvgen.__all__,
@@ -367,7 +367,7 @@ def test_the_table_of_variables_has_every_one_that_the_code_reads():
 
 
 async def test_the_table_of_metrics_has_every_one(tmp_path):
-    from taskrpc.metrics.tasks import MeasuredStore, task_families
+    from taskrpc.observe.metrics.tasks import MeasuredStore, task_families
 
     store = MeasuredStore(taskrpc.SqliteStore(tmp_path / "tasks.db"))
     robot = taskrpc.KinematicRobot(taskrpc.default_world())

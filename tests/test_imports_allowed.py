@@ -14,53 +14,62 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-TEMPLATES = ("taskrpc/labs/files/", "taskrpc/browser_lab/async_files/", "taskrpc/scenes/programs/")
+TEMPLATES = (
+    "taskrpc/course/labs/files/",
+    "taskrpc/course/browser_lab/async_files/",
+    "taskrpc/course/scenes/programs/",
+)
 """Students' programs: they need not be valid Python."""
 
 EVERYWHERE = {"msgspec", "yaml", "srvgen", "taskrpc", "typing_extensions"}
 ALLOWED = {
-    "IPython": ["taskrpc/notebook/jupyter.py"],
+    "IPython": ["taskrpc/course/notebook/jupyter.py"],
     "aiohttp": [
         "taskrpc/cli/bridge/command_line.py",
-        "taskrpc/rosbridge/server.py",
-        "taskrpc/web/",
+        "taskrpc/bridges/rosbridge/server.py",
+        "taskrpc/observe/web/",
     ],
     "argcomplete": ["srvgen/cli/completion.py", "taskrpc/cli/shell.py"],
-    "cryptography": ["taskrpc/classroom/authority.py"],
-    "js": ["taskrpc/browser_lab/tab/"],
-    "lz4": ["taskrpc/recording/mcap_file.py"],
-    "mcap": ["taskrpc/recording/mcap_file.py"],
+    "cryptography": ["taskrpc/course/classroom/authority.py"],
+    "js": ["taskrpc/course/browser_lab/tab/"],
+    "lz4": ["taskrpc/observe/recording/mcap_file.py"],
+    "mcap": ["taskrpc/observe/recording/mcap_file.py"],
     "numpy": ["srvgen/classes/rosidl_classes.py", "taskrpc/ros/packages/"],
-    "opentelemetry": ["taskrpc/otel.py"],
-    "psycopg": ["taskrpc/fleet/postgres_connection.py"],
-    "pyodide": ["taskrpc/browser_lab/tab/"],
+    "opentelemetry": ["taskrpc/observe/otel.py"],
+    "psycopg": ["taskrpc/robot/fleet/postgres_connection.py"],
+    "pyodide": ["taskrpc/course/browser_lab/tab/"],
     "rich": ["taskrpc/cli/"],
     "transforms3d": ["taskrpc/ros/packages/tf_transformations/"],
     "uvloop": ["taskrpc/program.py"],
-    "zenoh": ["taskrpc/cli/router/command_line.py", "taskrpc/transport/zenoh/"],
-    "zstandard": ["taskrpc/recording/mcap_file.py"],
+    "zenoh": ["taskrpc/cli/router/command_line.py", "taskrpc/middleware/zenoh/"],
+    "zstandard": ["taskrpc/observe/recording/mcap_file.py"],
 }
 """Each package of others, and the modules or folders that may import it."""
 ROS = re.compile(r"\w+_(msgs|srvs|interfaces|py|ros|python)|rclpy|launch|turtlesim")
-ROS_FOLDERS = ("taskrpc/ros/", "taskrpc/turtlesim/", "taskrpc/notebook/", "taskrpc/cli/launch.py")
+ROS_FOLDERS = (
+    "taskrpc/ros/",
+    "taskrpc/ros/turtlesim/",
+    "taskrpc/course/notebook/",
+    "taskrpc/cli/launch.py",
+)
 """Packages of ROS beside those in taskrpc/ros/packages, and where they may be imported."""
 
 PURE = (
     "srvgen/cdr/",
     "srvgen/definitions/",
     "srvgen/diagnostics/",
-    "taskrpc/request_ids/",
-    "taskrpc/tasks/queue/",
-    "taskrpc/transport/tunnel/",
-    "taskrpc/wire/",
+    "taskrpc/core/request_ids/",
+    "taskrpc/robot/tasks/queue/",
+    "taskrpc/core/transport/tunnel/",
+    "taskrpc/core/wire/",
 )
 SHELLS = {
-    "taskrpc/tasks/queue/task_queue.py": {"asyncio"},
-    "taskrpc/transport/tunnel/handoff.py": {"asyncio"},
-    "taskrpc/transport/tunnel/native.py": {"asyncio"},
-    "taskrpc/transport/tunnel/stream_table.py": {"asyncio"},
-    "taskrpc/transport/tunnel/stream_transport.py": {"asyncio"},
-    "taskrpc/transport/tunnel/tunnel_network.py": {"asyncio"},
+    "taskrpc/robot/tasks/queue/task_queue.py": {"asyncio"},
+    "taskrpc/core/transport/tunnel/handoff.py": {"asyncio"},
+    "taskrpc/core/transport/tunnel/native.py": {"asyncio"},
+    "taskrpc/core/transport/tunnel/stream_table.py": {"asyncio"},
+    "taskrpc/core/transport/tunnel/stream_transport.py": {"asyncio"},
+    "taskrpc/core/transport/tunnel/tunnel_network.py": {"asyncio"},
 }
 """Modules of the pure folders that use the outside world, and what of it."""
 OUTSIDE = {
@@ -112,12 +121,12 @@ def test_each_module_imports_only_what_it_may():
 @pytest.mark.parametrize(
     ("path", "text", "wrong"),
     [
-        ("taskrpc/rclpy/node.py", "import mcap, psycopg", {"mcap", "psycopg"}),
+        ("taskrpc/ros/packages/rclpy/node.py", "import mcap, psycopg", {"mcap", "psycopg"}),
         ("taskrpc/new.py", "def f():\n    from aiohttp import web", {"aiohttp"}),
         ("taskrpc/new.py", "import requests", {"requests"}),
         ("taskrpc/node.py", "import std_msgs.msg", {"std_msgs"}),
-        ("taskrpc/wire/new.py", "import socket", {"socket"}),
-        ("taskrpc/tasks/queue/new.py", "from time import monotonic", {"time"}),
+        ("taskrpc/core/wire/new.py", "import socket", {"socket"}),
+        ("taskrpc/robot/tasks/queue/new.py", "from time import monotonic", {"time"}),
         ("srvgen/cdr/new.py", "import os.path, msgspec, struct", {"os"}),
     ],
 )

@@ -32,7 +32,7 @@ MOST_MODULES = 15
 LARGER_FOLDERS = {
     "taskrpc": 20,  # what everybody imports, and the asynchronous API
     "taskrpc/cli": 20,  # one module for each verb
-    "taskrpc/rclpy": 60,  # one module for each module of ROS's rclpy
+    "taskrpc/ros/packages/rclpy": 60,  # one module for each module of ROS's rclpy
 }
 
 GUIDE = 3
@@ -46,13 +46,13 @@ PYTHONS_NAMES = {
 
 MIRRORS = {
     "tests/srvgen": "srvgen",
-    "tests/taskrpc": "taskrpc",
-    "tests/rclpy": "taskrpc/rclpy",
+    "tests/core": "taskrpc",
+    "tests/ros/packages/rclpy": "taskrpc/ros/packages/rclpy",
 }
 """Folders of tests, and the packages whose layout they repeat."""
-PROGRAMS = "tests/rclpy/programs"
+PROGRAMS = "tests/ros/packages/rclpy/programs"
 """Whole ROS programs, which belong to no module."""
-CONTRACT = "tests/taskrpc/transport/contract"
+CONTRACT = "tests/core/transport/contract"
 """What every transport must do, whichever modules do it."""
 STARTERS = {
     ROOT / "taskrpc" / "labs" / "files",
@@ -123,7 +123,7 @@ def test_import_circles_are_found():
 
 
 def test_lazy_and_type_checking_imports_count():
-    assert "taskrpc.colcon.export" in import_graph()["taskrpc.cli.export"]  # inside a function
+    assert "taskrpc.ros.colcon.export" in import_graph()["taskrpc.cli.export"]  # inside a function
 
 
 def test_no_modules_import_each_other():

@@ -75,8 +75,8 @@ class _Idle(asyncio.Protocol):
     """A connection that shakes hands, answers pings and calls nothing."""
 
     def __init__(self, token: bytes) -> None:
-        from taskrpc.wire.handshake import Identity
-        from taskrpc.wire.session import Session
+        from taskrpc.core.wire.handshake import Identity
+        from taskrpc.core.wire.session import Session
 
         me = Identity(
             secrets.token_bytes(16),
@@ -93,7 +93,7 @@ class _Idle(asyncio.Protocol):
         self._write()
 
     def data_received(self, data: bytes) -> None:
-        from taskrpc.wire.events import Ready
+        from taskrpc.core.wire.events import Ready
 
         events = self._session.feed(data)
         if any(isinstance(event, Ready) for event in events):
@@ -124,7 +124,7 @@ _tokens: dict[str, str] = {}
 
 def _token_of(place: str) -> str:
     """The secret of the server, from the registry."""
-    from taskrpc.transport.discovery.registry import Registry
+    from taskrpc.core.transport.discovery.registry import Registry
 
     if place not in _tokens:
         entries = Registry(int(os.environ["ROS_DOMAIN_ID"])).entries()

@@ -12,13 +12,13 @@ import taskrpc
 from benchmarks.contenders.taskrpc_tcp import Add, connect_idle
 from benchmarks.growing import server, timing
 from benchmarks.growing.memory import memory_each
-from taskrpc.transport.codec import codec_of
-from taskrpc.transport.discovery.registry import Registry
-from taskrpc.wire.events import Ready, ResponseReceived
-from taskrpc.wire.frames import NO_DEADLINE
-from taskrpc.wire.handshake import Identity
-from taskrpc.wire.messages import Resolve, decode_resolved
-from taskrpc.wire.session import Session
+from taskrpc.core.transport.codec import codec_of
+from taskrpc.core.transport.discovery.registry import Registry
+from taskrpc.core.wire.events import Ready, ResponseReceived
+from taskrpc.core.wire.frames import NO_DEADLINE
+from taskrpc.core.wire.handshake import Identity
+from taskrpc.core.wire.messages import Resolve, decode_resolved
+from taskrpc.core.wire.session import Session
 
 _AT_A_TIME = 50
 _BODY = codec_of(Add.Request).encode(Add.Request(a=1, b=2))

@@ -12,11 +12,11 @@ from benchmarks.growing import timing
 from benchmarks.growing.memory import memory_each
 from benchmarks.harness import usage
 from taskrpc.robot.protocol import Plan, Pose
-from taskrpc.tasks.manager import TaskManager, TaskSettings
-from taskrpc.tasks.model import Task
-from taskrpc.tasks.pages import PAGE, page
-from taskrpc.tasks.queue.task_queue import TaskQueue
-from taskrpc.tasks.records.store import MemoryStore
+from taskrpc.robot.tasks.manager import TaskManager, TaskSettings
+from taskrpc.robot.tasks.model import Task
+from taskrpc.robot.tasks.pages import PAGE, page
+from taskrpc.robot.tasks.queue.task_queue import TaskQueue
+from taskrpc.robot.tasks.records.store import MemoryStore
 
 _USED = 1000
 """Tasks that are cancelled, moved and run, at most, each."""

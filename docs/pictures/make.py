@@ -21,10 +21,10 @@ sys.path.insert(0, str(Path(__file__).parents[2]))
 
 import taskrpc
 from taskrpc.cli.shared.page_link import noted_links
-from taskrpc.turtlesim.canvas import SIZE
-from taskrpc.turtlesim.drawing.raster import picture
-from taskrpc.turtlesim.drawing.web_view import WebView
-from taskrpc.turtlesim.world import CENTRE, STEP, World
+from taskrpc.ros.turtlesim.canvas import SIZE
+from taskrpc.ros.turtlesim.drawing.raster import picture
+from taskrpc.ros.turtlesim.drawing.web_view import WebView
+from taskrpc.ros.turtlesim.world import CENTRE, STEP, World
 from tests.browser.chromium import LAPTOP, PHONE, Tab, Tabs, chromium
 from tests.browser.task_server import Services, TaskServer
 

@@ -31,12 +31,12 @@ MODULES = (
     "taskrpc.errors",
     "taskrpc.testing",
     "taskrpc.robot",
-    "taskrpc.fleet",
+    "taskrpc.robot.fleet",
     "taskrpc.logs",
-    "taskrpc.metrics",
-    "taskrpc.notebook",
-    "taskrpc.otel",
-    "taskrpc.web",
+    "taskrpc.observe.metrics",
+    "taskrpc.course.notebook",
+    "taskrpc.observe.otel",
+    "taskrpc.observe.web",
     "srvgen",
 )
 """Modules of which the site shows the docstrings."""

@@ -2,5 +2,5 @@
 
 An action consists of three services and two topics (`names`), so every transport carries it. Start
 with `server` and `client`; `states`, the table of a goal's states, `names` and `goals` are pure,
-and `taskrpc.rclpy.action` uses them too. Classes with ROS's names belong there, not here.
+and rclpy's `action` uses them too. Classes with ROS's names belong there, not here.
 """

@@ -7,7 +7,6 @@ import contextlib
 from collections.abc import Callable, Coroutine
 from typing import TYPE_CHECKING, Any, Generic, Protocol
 
-from taskrpc import names
 from taskrpc.actions.goal_handle import GoalHandle
 from taskrpc.actions.goals import CancelCode
 from taskrpc.actions.messages import (
@@ -21,6 +20,8 @@ from taskrpc.actions.messages import (
 from taskrpc.actions.names import names_of
 from taskrpc.actions.states import ENDED, GoalState
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Client, Unset
+from taskrpc.core import names
+from taskrpc.core.transport.chance import present_chance
 from taskrpc.errors import (
     Code,
     ConnectionLost,
@@ -35,10 +36,9 @@ from taskrpc.errors import (
 )
 from taskrpc.message_types import FeedbackT, GoalT, ResultT
 from taskrpc.qos import QoS
-from taskrpc.transport.chance import present_chance
 
 if TYPE_CHECKING:
-    from taskrpc.observer import TopicStatus
+    from taskrpc.core.observer import TopicStatus
     from taskrpc.topic import Subscription
 
 FEEDBACK_DEPTH = 16

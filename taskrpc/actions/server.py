@@ -11,7 +11,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from srvgen import excepthook
-from taskrpc import names
 from taskrpc.actions.goals import CancelCode, GoalLedger, GoalRecord, goals_to_cancel
 from taskrpc.actions.messages import (
     FEEDBACK_QOS,
@@ -23,7 +22,21 @@ from taskrpc.actions.messages import (
 from taskrpc.actions.names import ActionNames, names_of
 from taskrpc.actions.server_goal import AcceptCancel, AcceptGoal, Execute, ServerGoal
 from taskrpc.actions.states import GoalEvent, GoalState
-from taskrpc.callinfo import current_call
+from taskrpc.core import names
+from taskrpc.core.callinfo import current_call
+from taskrpc.core.exactly_once.stores import MemoryCompletions
+from taskrpc.core.execution.callbacks import (
+    HOLDS_LOOP_AFTER,
+    DaemonThreads,
+    check_callback,
+    end_program,
+    run_to_end,
+)
+from taskrpc.core.execution.eager_start import EagerStarter
+from taskrpc.core.request_ids.ids import CompletionStore
+from taskrpc.core.security.roles import Role
+from taskrpc.core.transport.codec import codec_of
+from taskrpc.core.transport.time_of_day import time_of_day_ns
 from taskrpc.deferred import DeferredCall, DeferredService
 from taskrpc.errors import (
     Code,
@@ -33,25 +46,12 @@ from taskrpc.errors import (
     NameInUse,
     TaskRpcError,
 )
-from taskrpc.exactly_once.stores import MemoryCompletions
-from taskrpc.execution.callbacks import (
-    HOLDS_LOOP_AFTER,
-    DaemonThreads,
-    check_callback,
-    end_program,
-    run_to_end,
-)
-from taskrpc.execution.eager_start import EagerStarter
 from taskrpc.qos import QoS
-from taskrpc.request_ids.ids import CompletionStore
-from taskrpc.security.roles import Role
 from taskrpc.service import Service
 from taskrpc.topic import Publisher
-from taskrpc.transport.codec import codec_of
-from taskrpc.transport.time_of_day import time_of_day_ns
 
 if TYPE_CHECKING:
-    from taskrpc.observer import ServiceStatus
+    from taskrpc.core.observer import ServiceStatus
 
 log = logging.getLogger("taskrpc.server")
 
@@ -203,7 +203,7 @@ class ActionServer:
 
     def status(self) -> ServiceStatus:
         """Return how many goals run and wait."""
-        from taskrpc.observer import ServiceStatus  # few programs need it
+        from taskrpc.core.observer import ServiceStatus  # few programs need it
 
         return ServiceStatus(self.action_name, len(self._jobs), len(self._waiting), None)
 

@@ -7,15 +7,15 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, NoReturn
 
 from srvgen.cli import completion
-from taskrpc import names
 from taskrpc.cli.action.action_graph import actions
 from taskrpc.cli.shared import definitions, graph
 from taskrpc.cli.shared.remote import HERE
 from taskrpc.cli.topic.topic_graph import topics
-from taskrpc.transport import suggestions
+from taskrpc.core import names
+from taskrpc.core.transport import suggestions
 
 if TYPE_CHECKING:
-    from taskrpc.transport.discovery.entries import RegistryEntry
+    from taskrpc.core.transport.discovery.entries import RegistryEntry
 
 
 def complete(parser: ArgumentParser) -> NoReturn:
@@ -100,7 +100,7 @@ def _programs(options: Namespace) -> Iterable[str]:
 
 
 def _scenes(_: Namespace) -> Iterable[str]:
-    from taskrpc.scenes.catalogue import SCENES
+    from taskrpc.course.scenes.catalogue import SCENES
 
     return [each.name for each in SCENES]
 

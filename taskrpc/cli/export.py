@@ -11,7 +11,7 @@ from taskrpc.cli.shared.parsing import add_command, add_group
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
-    from taskrpc.colcon.export import Exported
+    from taskrpc.ros.colcon.export import Exported
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _colcon(options: argparse.Namespace) -> int:
-    from taskrpc.colcon.export import export
+    from taskrpc.ros.colcon.export import export
 
     done = export(Path(options.source), Path(options.out), options.package_name)
     for name, folder in done.folders.items():

@@ -27,7 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _graduate(options: argparse.Namespace) -> int:
-    from taskrpc.graduation.check import check
+    from taskrpc.ros.graduation.check import check
 
     path = Path(options.path)
     if options.both is not None and not path.is_file():
@@ -49,7 +49,7 @@ def _graduate(options: argparse.Namespace) -> int:
 
 def _differs(path: Path, options: argparse.Namespace) -> bool:
     """Run the program with taskrpc and with ROS 2; print whether and how they differ."""
-    from taskrpc.graduation.comparison import differences, real_python
+    from taskrpc.ros.graduation.comparison import differences, real_python
 
     python = real_python()
     if not python:

@@ -6,11 +6,11 @@ import argparse
 import time
 
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, standard_input
-from taskrpc.security.lab import Lab, forget_lab, remember_lab, remembered_lab
+from taskrpc.core.security.lab import Lab, forget_lab, remember_lab, remembered_lab
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
-    from taskrpc.wire.messages import Listing
+    from taskrpc.core.wire.messages import Listing
 
 _NEXT = """\
 Try next:
@@ -50,8 +50,8 @@ def _run(options: argparse.Namespace) -> Exit:
 
 
 def _join(text: str) -> Exit:
-    from taskrpc.classroom.invitation import from_join_string
-    from taskrpc.classroom.joining import find_lab
+    from taskrpc.course.classroom.invitation import from_join_string
+    from taskrpc.course.classroom.joining import find_lab
 
     # All users of the machine can see a command line, so the secret may also come from stdin.
     lab = find_lab(from_join_string(standard_input() if text == "-" else text))
@@ -106,13 +106,13 @@ def _leave() -> Exit:
 
 
 def _listing(lab: Lab) -> Listing:
-    from taskrpc.classroom.joining import visit_now
+    from taskrpc.course.classroom.joining import visit_now
 
     return visit_now(lab)
 
 
 def _warn_of_peers() -> None:
-    from taskrpc.transport.settings import environment_peers
+    from taskrpc.core.transport.settings import environment_peers
 
     if peers := environment_peers():
         listed = ", ".join(peers)
@@ -130,7 +130,7 @@ def _until(lab: Lab) -> str:
 
 
 def _offers(lab: Lab, listing: Listing) -> str:
-    from taskrpc.names import is_hidden
+    from taskrpc.core.names import is_hidden
 
     names = sorted(each.name for each in listing.services if not is_hidden(each.name))
     shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")

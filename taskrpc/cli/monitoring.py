@@ -11,39 +11,39 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import srvgen
-from taskrpc.classroom.register import Register, own_addresses
 from taskrpc.cli.shared.page_link import NotedLink, PageLink
 from taskrpc.cli.shared.remote import Remote
+from taskrpc.core.observer import Observers
+from taskrpc.core.security.accounts import AccountSource
+from taskrpc.core.security.listen_policy import check_listen_policy
+from taskrpc.core.security.roles import Role
+from taskrpc.core.transport.tcp.tcp_network import is_loopback, place_here, split_place
+from taskrpc.course.classroom.register import Register, own_addresses
 from taskrpc.errors import TaskRpcError
-from taskrpc.metrics import Metrics
-from taskrpc.metrics.tasks import MeasuredStore, task_families
 from taskrpc.node import Node
-from taskrpc.observer import Observers
-from taskrpc.security.accounts import AccountSource
-from taskrpc.security.listen_policy import check_listen_policy
-from taskrpc.security.roles import Role
-from taskrpc.tasks.model import RUNNING_KEY
-from taskrpc.tasks.records.store import TaskStore
-from taskrpc.tasks.server import OfferedTasks, load_types
-from taskrpc.transport.tcp.tcp_network import is_loopback, place_here, split_place
+from taskrpc.observe.metrics import Metrics
+from taskrpc.observe.metrics.tasks import MeasuredStore, task_families
+from taskrpc.robot.tasks.model import RUNNING_KEY
+from taskrpc.robot.tasks.records.store import TaskStore
+from taskrpc.robot.tasks.server import OfferedTasks, load_types
 
 try:
-    from taskrpc.rosbridge.server import RosbridgeServer
-    from taskrpc.web import task_pages
-    from taskrpc.web.server import WebServer
+    from taskrpc.bridges.rosbridge.server import RosbridgeServer
+    from taskrpc.observe.web import task_pages
+    from taskrpc.observe.web.server import WebServer
 except ModuleNotFoundError as error:
     if error.name and error.name.startswith("taskrpc"):
         raise
     raise TaskRpcError(f"--web needs {error.name}: pip install aiohttp") from None
 
-from taskrpc.web.calls import CallLog
-from taskrpc.web.control import NODE, Control
-from taskrpc.web.graph import NodeGraph
-from taskrpc.web.live import Live
-from taskrpc.web.pages import static_files
-from taskrpc.web.server import LivePage
-from taskrpc.web.streams import LiveStream
-from taskrpc.web.tokens import Tokens
+from taskrpc.observe.web.calls import CallLog
+from taskrpc.observe.web.control import NODE, Control
+from taskrpc.observe.web.graph import NodeGraph
+from taskrpc.observe.web.live import Live
+from taskrpc.observe.web.pages import static_files
+from taskrpc.observe.web.server import LivePage
+from taskrpc.observe.web.streams import LiveStream
+from taskrpc.observe.web.tokens import Tokens
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

@@ -7,13 +7,13 @@ import json
 import sys
 from collections.abc import Iterable, Iterator
 
-from taskrpc import names
 from taskrpc.cli.action.action_graph import Action, actions
 from taskrpc.cli.shared import graph, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
 from taskrpc.cli.shared.parsing import add_command, add_group, print_names
 from taskrpc.cli.shared.remote import add_connect, add_discovery, remote_of
-from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
+from taskrpc.core import names
+from taskrpc.core.wire.messages import ServiceEndpoint, TopicEndpoint
 
 _SECTIONS = (
     "Subscribers",

@@ -6,10 +6,10 @@ import argparse
 import json
 from collections.abc import Sequence
 
-from taskrpc import platform
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.processes import Process, clock_time, processes
 from taskrpc.cli.task.view import aligned
+from taskrpc.core import platform
 
 _HEADINGS = ("PID", "SINCE", "DOMAIN", "SCRIPT", "FOLDER", "SERVICES")
 

@@ -16,25 +16,26 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from srvgen.cli import process
-from taskrpc import logs, names
+from taskrpc import logs
 from taskrpc.cli.shared import fleet_server, remote
 from taskrpc.cli.shared.command import Exit, UsageError, exit_after, run_main, tune_for_long_run
 from taskrpc.cli.shared.parsing import Parser, add_allow_origin, number, whole
 from taskrpc.cli.shared.robots import for_each_robot, task_service
 from taskrpc.cli.shared.task_database import default_database
+from taskrpc.core import names
 from taskrpc.errors import InvalidName, TaskRpcError
 
 if TYPE_CHECKING:
-    from taskrpc.classroom.attendance import Attendance
     from taskrpc.cli.monitoring import Monitoring
-    from taskrpc.fleet import FleetStore
+    from taskrpc.core.observer import Observer
+    from taskrpc.course.classroom.attendance import Attendance
     from taskrpc.node import Node
-    from taskrpc.observer import Observer
-    from taskrpc.recording.run_recorder import RunRecorder
+    from taskrpc.observe.recording.run_recorder import RunRecorder
+    from taskrpc.robot.fleet import FleetStore
     from taskrpc.robot.protocol import Robot
-    from taskrpc.tasks import SqliteStore
-    from taskrpc.tasks.records.store import TaskStore
-    from taskrpc.tasks.server import OfferedTasks
+    from taskrpc.robot.tasks import SqliteStore
+    from taskrpc.robot.tasks.records.store import TaskStore
+    from taskrpc.robot.tasks.server import OfferedTasks
     from taskrpc.testing import CallFaults
 
 _Result = TypeVar("_Result")
@@ -260,7 +261,7 @@ async def _serve_with(
 ) -> int:
     from taskrpc.node import Node
     from taskrpc.robot import KinematicRobot
-    from taskrpc.tasks import SqliteStore, TaskServer
+    from taskrpc.robot.tasks import SqliteStore, TaskServer
 
     access = remote.remote_of(options)
     faults = _faults(options)
@@ -321,7 +322,7 @@ def _server(
     monitoring: Monitoring | None,
     recorder: RunRecorder | None,
 ) -> OfferedTasks:
-    from taskrpc.tasks import TaskServer
+    from taskrpc.robot.tasks import TaskServer
 
     if fleet_server.is_fleet(options):
         return fleet_server.make_server(options, node, robot, cast("FleetStore", store))
@@ -341,7 +342,7 @@ def _server(
 def _observer(
     attendance: Attendance | None, monitoring: Monitoring | None, recorder: RunRecorder | None
 ) -> Observer | None:
-    from taskrpc.observer import Observers
+    from taskrpc.core.observer import Observers
 
     observers: list[Observer] = [monitoring.observer] if monitoring else []
     if attendance is not None:
@@ -354,7 +355,7 @@ def _observer(
 def _attendance(options: argparse.Namespace) -> Attendance | None:
     if not options.attendance:
         return None
-    from taskrpc.classroom.attendance import Attendance  # few servers are those of a class
+    from taskrpc.course.classroom.attendance import Attendance  # few servers are those of a class
 
     return Attendance(Path(options.attendance))
 
@@ -367,12 +368,12 @@ def _offer_reset(
     monitoring: Monitoring | None,
 ) -> None:
     """Offer what `taskrpc classroom reset` calls, if this is the server of a class."""
-    from taskrpc.tasks import TaskServer
+    from taskrpc.robot.tasks import TaskServer
 
     if options.class_folder is None or not isinstance(server, TaskServer):
         return
-    from taskrpc.classroom.register import Register
     from taskrpc.cli.classroom.group import GroupReset
+    from taskrpc.course.classroom.register import Register
 
     forget = monitoring.forget_students if monitoring else lambda: None
     GroupReset(server, Register(Path(options.class_folder)), attendance, forget).offer(node)
@@ -407,7 +408,7 @@ def _faults(options: argparse.Namespace) -> CallFaults | None:
 def _recorder(options: argparse.Namespace) -> RunRecorder | None:
     if not options.record:
         return None
-    from taskrpc.recording.run_recorder import RunRecorder  # most servers record nothing
+    from taskrpc.observe.recording.run_recorder import RunRecorder  # most servers record nothing
 
     return RunRecorder(options.record)
 
@@ -427,7 +428,7 @@ async def _claimed(
 
     Raises StoreError.
     """
-    from taskrpc.tasks.server import load_types
+    from taskrpc.robot.tasks.server import load_types
 
     load_types()  # now, so that it does not delay the start after the wait
     claim = asyncio.ensure_future(store.claim(lambda error: say(f"standing by: {error.fact}")))
@@ -490,7 +491,7 @@ async def _shut_down(node: Node, server: OfferedTasks) -> None:
 
 
 def _store(options: argparse.Namespace) -> TaskStore:
-    from taskrpc.tasks import MemoryStore, SqliteStore
+    from taskrpc.robot.tasks import MemoryStore, SqliteStore
 
     if options.db == ":memory:":
         return MemoryStore()

@@ -12,21 +12,21 @@ import msgspec
 
 from taskrpc.cli.shared.command import tune_for_long_run
 from taskrpc.errors import TaskRpcError
+from taskrpc.observe.recording.mcap_file import Recording, RecordingError
+from taskrpc.observe.recording.replay import replay
+from taskrpc.observe.recording.timeline import Timeline
 from taskrpc.program import run, stop_requested
-from taskrpc.recording.mcap_file import Recording, RecordingError
-from taskrpc.recording.replay import replay
-from taskrpc.recording.timeline import Timeline
 
 try:
-    from taskrpc.web.server import LivePage, WebServer
+    from taskrpc.observe.web.server import LivePage, WebServer
 except ModuleNotFoundError as error:
     if error.name and error.name.startswith("taskrpc"):
         raise
     raise TaskRpcError(f"taskrpc view needs {error.name}: pip install aiohttp") from None
 
-from taskrpc.web.pages import static_files
-from taskrpc.web.streams import LiveStream, framed
-from taskrpc.web.tokens import Tokens
+from taskrpc.observe.web.pages import static_files
+from taskrpc.observe.web.streams import LiveStream, framed
+from taskrpc.observe.web.tokens import Tokens
 
 _MOST_REPLAYED = 20_000_000
 """Most bytes of a recording whose decisions are replayed; the replay takes a second."""

@@ -6,7 +6,7 @@ The bundled map, ``maps/default.yaml``, is also an example to copy.
 from importlib import resources
 from pathlib import Path
 
-from taskrpc import platform
+from taskrpc.core import platform
 from taskrpc.robot.document import Document, MapError, Node
 from taskrpc.robot.kinematics import Point
 from taskrpc.robot.obstacles import Box

@@ -10,7 +10,7 @@ FOLDER = Path(__file__).parent / "packages"
 
 SHARES = {
     "demo_nodes_cpp": Path(__file__).parent / "shares" / "demo_nodes_cpp",
-    "turtlesim": Path(__file__).parents[1] / "turtlesim",
+    "turtlesim": Path(__file__).parent / "turtlesim",
 }
 """The share folders of packages that have launch files."""
 
@@ -39,10 +39,10 @@ EXECUTABLES = {
         "turtle_tf2_broadcaster": "turtle_tf2_py.turtle_tf2_broadcaster:main",
     },
     "turtlesim": {
-        "turtlesim_node": "taskrpc.turtlesim.node:main",
-        "turtle_teleop_key": "taskrpc.turtlesim.teleop:main",
-        "draw_square": "taskrpc.turtlesim.draw_square:main",
-        "mimic": "taskrpc.turtlesim.mimic:main",
+        "turtlesim_node": "taskrpc.ros.turtlesim.node:main",
+        "turtle_teleop_key": "taskrpc.ros.turtlesim.teleop:main",
+        "draw_square": "taskrpc.ros.turtlesim.draw_square:main",
+        "mimic": "taskrpc.ros.turtlesim.mimic:main",
     },
     # The tutorials start these programs in C++; the ones in Python say and do the same.
     "demo_nodes_cpp": {

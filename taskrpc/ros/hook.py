@@ -1,4 +1,4 @@
-"""The import hook: `import rclpy` loads `taskrpc.rclpy`, interface packages their definitions."""
+"""The import hook: `import rclpy` loads `packages/rclpy`, interface packages their definitions."""
 
 from __future__ import annotations
 
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from importlib.abc import MetaPathFinder
 else:  # slow to import, and not needed
     MetaPathFinder = object
-
-_RCLPY = Path(__file__).resolve().parent.parent / "rclpy"
 
 _WATCHER = "_taskrpc_ros"
 """The module that an enabled environment imports at its start: a copy of `start.py`."""
@@ -76,11 +74,11 @@ class _RosNamesFinder(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        if fullname == "rclpy":
-            return _package(fullname, _RCLPY)
         folder = bundled.packages().get(fullname)
         if folder is None:
             return None
+        if fullname == "rclpy":
+            return _package(fullname, folder)
         # A real package takes precedence, but not a folder without code, such as that of the
         # launch files: Python prefers any package to it as well.
         real = PathFinder.find_spec(fullname)

@@ -19,8 +19,12 @@ from typing import TYPE_CHECKING, Any, ClassVar, Concatenate, Generic, ParamSpec
 from srvgen import excepthook
 from taskrpc import client as _client
 from taskrpc import node as _node
-from taskrpc import platform
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
+from taskrpc.core import platform
+from taskrpc.core.request_ids.ids import CompletionStore
+from taskrpc.core.security.roles import Role
+from taskrpc.core.transport.base import OnDone, OnMismatch, ProgramStatistics
+from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.deferred import DeferredService, Take
 from taskrpc.errors import TaskRpcError
 from taskrpc.message_types import (
@@ -34,21 +38,17 @@ from taskrpc.message_types import (
     Srv,
 )
 from taskrpc.qos import QoS
-from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.retry import RetryPolicy
-from taskrpc.security.roles import Role
 from taskrpc.service import Callback, Service
 from taskrpc.sync.actions import ActionClient
 from taskrpc.sync.loop_thread import SLICE, LoopThread, wait
 from taskrpc.sync.topics import Publisher, Subscription, Timer
-from taskrpc.transport.base import OnDone, OnMismatch, ProgramStatistics
-from taskrpc.transport.discovery.entries import RegistryEntry
 
 if TYPE_CHECKING:
     from taskrpc.actions.server import ActionServer
     from taskrpc.actions.server_goal import AcceptCancel, AcceptGoal, Execute
-    from taskrpc.introspection import IntrospectionState
-    from taskrpc.observer import NodeStatus
+    from taskrpc.core.introspection import IntrospectionState
+    from taskrpc.core.observer import NodeStatus
 
 
 _AT_ONCE = 1.0

@@ -14,11 +14,11 @@ from typing import Any, Protocol, cast
 
 import msgspec
 
-from taskrpc.callinfo import log_fields
+from taskrpc.core.callinfo import log_fields
+from taskrpc.core.transport.base import IncomingCall
+from taskrpc.core.transport.connection.incoming_call import ObservedCall, Route, answer_unexpected
 from taskrpc.errors import ConnectionLost, ServerBusy, TaskRpcError
 from taskrpc.testing.fault_specs import Fault, FaultKind, FaultPlan, parse_fault
-from taskrpc.transport.base import IncomingCall
-from taskrpc.transport.connection.incoming_call import ObservedCall, Route, answer_unexpected
 
 log = logging.getLogger("taskrpc.server")
 

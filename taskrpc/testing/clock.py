@@ -39,9 +39,9 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         self._virtual_now = 0.0
         if seed is not None:
             self.chance = random.Random(seed)
-            """See `taskrpc.transport.chance`."""
+            """See `taskrpc.core.transport.chance`."""
             self.time_of_day = lambda: _FIRST_DAY + self._virtual_now
-            """See `taskrpc.transport.time_of_day`."""
+            """See `taskrpc.core.transport.time_of_day`."""
         self._open_jobs = 0  # in executors
         super().__init__(_JumpingSelector(self))
         self.advance(0.0)

@@ -13,7 +13,7 @@ from enum import Enum
 
 import msgspec
 
-from taskrpc import names
+from taskrpc.core import names
 from taskrpc.errors import InvalidName
 
 MAX_SECONDS = 3600.0

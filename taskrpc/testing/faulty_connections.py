@@ -11,9 +11,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import cast
 
-from taskrpc.transport.connection.connection import Connection
-from taskrpc.transport.memory import Listener
-from taskrpc.transport.pipe import Pipe
+from taskrpc.core.transport.connection.connection import Connection
+from taskrpc.core.transport.memory import Listener
+from taskrpc.core.transport.pipe import Pipe
 
 
 class NetworkFaults:

@@ -12,18 +12,24 @@ import weakref
 from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
+from taskrpc.core.security.roles import Role
+from taskrpc.core.transport.base import (
+    Deliver,
+    OnDone,
+    OnMismatch,
+    TopicPublisher,
+    TopicSubscription,
+)
+from taskrpc.core.transport.codec import ServiceType, codec_of
+from taskrpc.core.transport.discovery.availability import Availability
+from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
+from taskrpc.core.transport.engine import Closable, EngineEvents, ForeignServer, NativeReply
+from taskrpc.core.transport.pubsub.endpoint_topics import Topics
+from taskrpc.core.transport.settings import Settings
+from taskrpc.core.transport.tunnel.tunnel_network import TunnelNetwork
+from taskrpc.core.wire.frames import Body
+from taskrpc.core.wire.messages import ServiceEndpoint, TopicEndpoint
 from taskrpc.errors import OutcomeUnknown, ServiceUnavailable, TaskRpcError
-from taskrpc.security.roles import Role
-from taskrpc.transport.base import Deliver, OnDone, OnMismatch, TopicPublisher, TopicSubscription
-from taskrpc.transport.codec import ServiceType, codec_of
-from taskrpc.transport.discovery.availability import Availability
-from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
-from taskrpc.transport.engine import Closable, EngineEvents, ForeignServer, NativeReply
-from taskrpc.transport.pubsub.endpoint_topics import Topics
-from taskrpc.transport.settings import Settings
-from taskrpc.transport.tunnel.tunnel_network import TunnelNetwork
-from taskrpc.wire.frames import Body
-from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
 
 class Bus:

@@ -6,10 +6,10 @@ import contextlib
 from collections.abc import AsyncIterator
 from typing import Self
 
+from taskrpc.core.transport.memory import hub_of
+from taskrpc.core.transport.settings import domain_id
 from taskrpc.node import Node
 from taskrpc.testing.faulty_connections import NetworkFaults
-from taskrpc.transport.memory import hub_of
-from taskrpc.transport.settings import domain_id
 
 
 @contextlib.asynccontextmanager

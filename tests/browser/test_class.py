@@ -11,12 +11,12 @@ import trustme
 import srvgen
 import taskrpc
 import taskrpc.sync
-from taskrpc.classroom.register import Place, Register
+from taskrpc.course.classroom.register import Place, Register
 from tests.browser.legible import SIZES, all_faults
 from tests.browser.live_page import LivePage
 
 LATER = 4e9  # seconds since 1970
-SOON_STUCK = "import taskrpc.classroom.progress as progress; progress.STUCK_AFTER = 1.0"
+SOON_STUCK = "import taskrpc.course.classroom.progress as progress; progress.STUCK_AFTER = 1.0"
 """Students count as stuck after one second instead of two minutes."""
 
 

@@ -8,15 +8,15 @@ from pathlib import Path
 
 import pytest
 
-from taskrpc.browser_lab import server as server_module
-from taskrpc.browser_lab.downloads import runtime
-from taskrpc.browser_lab.server import LabServer
-from taskrpc.browser_lab.site import site_files, write_site
-from taskrpc.classroom.authority import make_certificates
-from taskrpc.labs.catalogue import lab
-from taskrpc.labs.starter import filled
-from taskrpc.labs.variants import Variant
-from taskrpc.security.tls import Tls
+from taskrpc.core.security.tls import Tls
+from taskrpc.course.browser_lab import server as server_module
+from taskrpc.course.browser_lab.downloads import runtime
+from taskrpc.course.browser_lab.server import LabServer
+from taskrpc.course.browser_lab.site import site_files, write_site
+from taskrpc.course.classroom.authority import make_certificates
+from taskrpc.course.labs.catalogue import lab
+from taskrpc.course.labs.starter import filled
+from taskrpc.course.labs.variants import Variant
 from tests.browser.chromium import PATIENCE, Tabs, chromium
 from tests.browser.legible import SIZES, all_faults, faults
 from tests.javascript.pyodide import archives

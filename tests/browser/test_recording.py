@@ -10,12 +10,12 @@ import time
 
 import pytest
 
-from taskrpc.recording.mcap_file import Recording
-from taskrpc.recording.timeline import Timeline
+from taskrpc.observe.recording.mcap_file import Recording
+from taskrpc.observe.recording.timeline import Timeline
 from tests.browser.chromium import LAPTOP, PHONE
 from tests.browser.live_page import LivePage, Shown
 from tests.browser.task_server import Services, TaskServer
-from tests.taskrpc.cli.bag.conftest import recording  # noqa: F401 (calls without a task server)
+from tests.cli.bag.conftest import recording  # noqa: F401 (calls without a task server)
 
 _BEGUN = ("RUNNING", "PAUSED", "CANCELING")
 

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from taskrpc.scenes.catalogue import SCENES
+from taskrpc.course.scenes.catalogue import SCENES
 from tests.browser.chromium import LAPTOP, PHONE
 from tests.browser.legible import all_faults, faults
 

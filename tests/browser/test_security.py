@@ -8,7 +8,7 @@ import json
 import pytest
 
 from tests.browser.conftest import control_link
-from tests.taskrpc.web.test_static import MOST_BYTES_AT_FIRST
+from tests.observe.web.test_static import MOST_BYTES_AT_FIRST
 
 ROBOT = """
 import asyncio

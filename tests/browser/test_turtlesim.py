@@ -8,11 +8,11 @@ from contextlib import closing
 import pytest
 from selenium.webdriver.common.keys import Keys
 
-from taskrpc.turtlesim.drawing.web_view import WebView
-from taskrpc.turtlesim.world import CENTRE, World
+from taskrpc.ros.turtlesim.drawing.web_view import WebView
+from taskrpc.ros.turtlesim.world import CENTRE, World
 from tests.browser.chromium import PHONE
 from tests.browser.legible import all_faults
-from tests.taskrpc.turtlesim.running import turtlesim_in
+from tests.ros.turtlesim.running import turtlesim_in
 
 REFUSED = ("ERR_CONNECTION_REFUSED", "ERR_INCOMPLETE_CHUNKED_ENCODING", "ERR_CONNECTION_RESET")
 """What Chromium reports of a server that has ended."""

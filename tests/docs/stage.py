@@ -19,8 +19,8 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import srvgen
-from taskrpc.rclpy._impl.parameters.yaml_parameters import ROS_PARAMETERS, read_file
 from taskrpc.robot import parse_map
+from taskrpc.ros.packages.rclpy._impl.parameters.yaml_parameters import ROS_PARAMETERS, read_file
 
 from .markdown import Block, Page
 from .matching import normalised, pattern_of

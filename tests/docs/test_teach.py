@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from taskrpc.scenes.catalogue import SCENES
+from taskrpc.course.scenes.catalogue import SCENES
 from tests.docs.markdown import read_page
 
 TEACH = Path(__file__).parents[2] / "docs" / "teach"

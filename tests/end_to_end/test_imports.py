@@ -22,7 +22,7 @@ MISTAKES = (
 )
 """Modules that only explain mistakes."""
 ELSEWHERE = (
-    "yaml rich sqlite3 uvloop importlib.metadata taskrpc.tasks taskrpc.robot taskrpc.sync"
+    "yaml rich sqlite3 uvloop importlib.metadata taskrpc.robot.tasks taskrpc.robot taskrpc.sync"
     " taskrpc.testing"
 )
 """Modules that other commands and programs need."""
@@ -155,7 +155,8 @@ async def main():
 taskrpc.run(main())
 """)
     topics = (
-        "taskrpc.topic taskrpc.introspection taskrpc.timer taskrpc.transport.pubsub.endpoint_topics"
-        " taskrpc.transport.pubsub.publishing taskrpc.transport.pubsub.subscribing"
+        "taskrpc.topic taskrpc.core.introspection taskrpc.timer"
+        " taskrpc.core.transport.pubsub.endpoint_topics"
+        " taskrpc.core.transport.pubsub.publishing taskrpc.core.transport.pubsub.subscribing"
     )
     assert needless(modules, topics) == []

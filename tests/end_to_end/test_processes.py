@@ -11,7 +11,7 @@ import time
 import pytest
 
 import taskrpc
-from tests.taskrpc.transport.helpers import Add, ask, outcome, until
+from tests.core.transport.helpers import Add, ask, outcome, until
 
 pytestmark = [
     pytest.mark.real_time,

@@ -9,9 +9,9 @@ import pytest
 
 from taskrpc.cli.call import main as call
 from taskrpc.cli.main import main
-from taskrpc.recording.mcap_file import Recording
-from taskrpc.recording.replay import replay
-from taskrpc.recording.timeline import Timeline
+from taskrpc.observe.recording.mcap_file import Recording
+from taskrpc.observe.recording.replay import replay
+from taskrpc.observe.recording.timeline import Timeline
 from tests.end_to_end.test_robot_task import HOOVER, POSIX, TaskServer
 
 pytestmark = [pytest.mark.real_time, POSIX]

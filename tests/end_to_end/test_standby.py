@@ -12,7 +12,7 @@ import pytest
 
 from taskrpc.cli.main import main
 from taskrpc.cli.server import main as server_main
-from taskrpc.transport.tcp.tcp_network import bound
+from taskrpc.core.transport.tcp.tcp_network import bound
 from tests.end_to_end.test_robot_task import READY, TaskServer
 
 pytestmark = [

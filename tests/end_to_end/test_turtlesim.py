@@ -4,7 +4,7 @@ import subprocess
 
 import pytest
 
-from tests.taskrpc.turtlesim.running import turtlesim_in
+from tests.ros.turtlesim.running import turtlesim_in
 
 pytestmark = pytest.mark.real_time
 

@@ -14,7 +14,7 @@ import urllib.request
 import pytest
 
 from taskrpc.cli.call import main as call
-from tests.taskrpc.metrics.exposition import read, values
+from tests.observe.metrics.exposition import read, values
 
 pytestmark = pytest.mark.real_time
 
@@ -134,5 +134,5 @@ def test_server_without_pages_imports_neither_metrics_nor_aiohttp(start):
     server = start(env={**os.environ, "PYTHONPROFILEIMPORTTIME": "1"})
     server.until("taskrpc-server ready: ")
     imported = {line.rpartition("|")[2].strip() for line in server.lines}
-    assert "taskrpc.tasks.manager" in imported
-    assert not {"aiohttp", "json", "taskrpc.metrics", "taskrpc.web"} & imported
+    assert "taskrpc.robot.tasks.manager" in imported
+    assert not {"aiohttp", "json", "taskrpc.observe.metrics", "taskrpc.observe.web"} & imported

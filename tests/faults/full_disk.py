@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 from taskrpc.errors import OutcomeUnknown, StoreError
-from taskrpc.tasks.records.sqlite_store import SqliteStore
+from taskrpc.robot.tasks.records.sqlite_store import SqliteStore
 from tests.faults.submitting import task
 
 AT_ONCE = 8

@@ -14,7 +14,7 @@ import struct
 from dataclasses import dataclass
 from typing import Any
 
-from taskrpc.transport.pipe import Pipe
+from taskrpc.core.transport.pipe import Pipe
 from tests.faults.harness import Counts
 
 DELAY, TRUNCATE, CUT, RESET, HOLE = "delayed", "truncated", "cut", "reset", "black-holed"
@@ -61,7 +61,7 @@ class Faults:
 
 
 def faulty_pipe(faults: Faults) -> type[Pipe]:
-    """The class of pipes to patch into `taskrpc.transport.pipe.Pipe`."""
+    """The class of pipes to patch into `taskrpc.core.transport.pipe.Pipe`."""
 
     class FaultyPipe(Pipe):
         """A pipe that breaks when its fault's number of bytes was written."""

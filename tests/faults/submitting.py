@@ -7,11 +7,11 @@ import random
 import sys
 from pathlib import Path
 
+from taskrpc.core.request_ids.ids import Completion
+from taskrpc.core.storage import database
 from taskrpc.errors import OutcomeUnknown, StoreError
-from taskrpc.request_ids.ids import Completion
-from taskrpc.storage import database
-from taskrpc.tasks.model import Task
-from taskrpc.tasks.records.sqlite_store import SqliteStore
+from taskrpc.robot.tasks.model import Task
+from taskrpc.robot.tasks.records.sqlite_store import SqliteStore
 
 CALLERS = 8
 

@@ -8,10 +8,10 @@ import pytest
 
 import taskrpc
 from taskrpc.client import DEFAULT_TIMEOUT, Client
-from taskrpc.transport.connection import deadline_timer
-from taskrpc.transport.connection.deadline_timer import TICK, CheckPlan
+from taskrpc.core.transport.connection import deadline_timer
+from taskrpc.core.transport.connection.deadline_timer import TICK, CheckPlan
+from tests.core.transport.helpers import Add, Gate, ask
 from tests.faults.harness import Bug, Lateness, milliseconds, percentile
-from tests.taskrpc.transport.helpers import Add, Gate, ask
 
 pytestmark = pytest.mark.faults
 

@@ -8,10 +8,10 @@ import pytest
 
 import taskrpc
 from taskrpc import service
-from taskrpc.transport.connection import incoming_call, server_side
-from taskrpc.wire.events import RequestReceived
+from taskrpc.core.transport.connection import incoming_call, server_side
+from taskrpc.core.wire.events import RequestReceived
+from tests.core.transport.helpers import Add, ask, outcome
 from tests.faults.harness import Bug
-from tests.taskrpc.transport.helpers import Add, ask, outcome
 
 pytestmark = pytest.mark.faults
 

@@ -8,13 +8,13 @@ import random
 import pytest
 
 import taskrpc
+from taskrpc.core.transport.connection.client_side import CallingConnection
+from taskrpc.core.transport.connection.server_side import ServingConnection
+from taskrpc.core.wire.events import CancelReceived
+from taskrpc.core.wire.session import Session
 from taskrpc.service import Service
-from taskrpc.transport.connection.client_side import CallingConnection
-from taskrpc.transport.connection.server_side import ServingConnection
-from taskrpc.wire.events import CancelReceived
-from taskrpc.wire.session import Session
+from tests.core.transport.helpers import Add, Gate, ask
 from tests.faults.harness import Bug
-from tests.taskrpc.transport.helpers import Add, Gate, ask
 
 pytestmark = pytest.mark.faults
 

@@ -8,12 +8,12 @@ import random
 import pytest
 
 import taskrpc
-from taskrpc.attempts import Attempts
-from taskrpc.transport import pipe
-from taskrpc.transport.connection import client_side
+from taskrpc.core.attempts import Attempts
+from taskrpc.core.transport import pipe
+from taskrpc.core.transport.connection import client_side
+from tests.core.transport.helpers import Add, ask
 from tests.faults.harness import Bug
 from tests.faults.proxy import CUT, DELAY, HOLE, RESET, TRUNCATE, Faults, Proxy, faulty_pipe
-from tests.taskrpc.transport.helpers import Add, ask
 
 pytestmark = pytest.mark.faults
 

@@ -10,10 +10,10 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.attempts import Attempts
-from taskrpc.request_ids.ids import StoredCompletions
-from taskrpc.request_ids.ledger import Ledger, Verdict
-from taskrpc.tasks.records.repository import TaskCompletions, TaskRepository
+from taskrpc.core.attempts import Attempts
+from taskrpc.core.request_ids.ids import StoredCompletions
+from taskrpc.core.request_ids.ledger import Ledger, Verdict
+from taskrpc.robot.tasks.records.repository import TaskCompletions, TaskRepository
 from tests.faults.harness import Bug
 from tests.faults.programs import TASK_SERVER, kill
 

@@ -12,11 +12,11 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.request_ids.ids import ReceivedId, RequestCounter
-from taskrpc.request_ids.ledger import LEASE, Ledger, Verdict
-from taskrpc.security.roles import Role
+from taskrpc.core.request_ids.ids import ReceivedId, RequestCounter
+from taskrpc.core.request_ids.ledger import LEASE, Ledger, Verdict
+from taskrpc.core.security.roles import Role
+from taskrpc.core.transport.base import IncomingCall
 from taskrpc.service import Service
-from taskrpc.transport.base import IncomingCall
 from tests.faults.harness import Bug
 
 pytestmark = pytest.mark.faults

@@ -14,10 +14,10 @@ import pytest
 
 import taskrpc
 from taskrpc import service
+from taskrpc.core.transport import pipe
 from taskrpc.errors import Code, HandlerFailed
-from taskrpc.transport import pipe
+from tests.core.transport.helpers import Add, ask
 from tests.faults.harness import Bug
-from tests.taskrpc.transport.helpers import Add, ask
 
 pytestmark = pytest.mark.faults
 

@@ -8,12 +8,12 @@ import random
 import pytest
 
 import taskrpc
-from taskrpc.transport import channel
-from taskrpc.transport.discovery.availability import Availability
-from taskrpc.transport.memory import MemoryNetwork
-from taskrpc.transport.pipe import Pipe
+from taskrpc.core.transport import channel
+from taskrpc.core.transport.discovery.availability import Availability
+from taskrpc.core.transport.memory import MemoryNetwork
+from taskrpc.core.transport.pipe import Pipe
+from tests.core.transport.helpers import Add, add, ask, outcome
 from tests.faults.harness import Bug, Lateness, milliseconds
-from tests.taskrpc.transport.helpers import Add, add, ask, outcome
 
 pytestmark = pytest.mark.faults
 

@@ -8,11 +8,11 @@ import time
 import pytest
 
 import taskrpc
-from taskrpc.transport.connection import client_side
-from taskrpc.transport.connection.client_side import CallingConnection
-from taskrpc.wire.session import refused_error
+from taskrpc.core.transport.connection import client_side
+from taskrpc.core.transport.connection.client_side import CallingConnection
+from taskrpc.core.wire.session import refused_error
+from tests.core.transport.helpers import Add, ask
 from tests.faults.harness import Bug, Lateness, milliseconds, percentile
-from tests.taskrpc.transport.helpers import Add, ask
 
 pytestmark = [
     pytest.mark.faults,

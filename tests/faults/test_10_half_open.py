@@ -13,11 +13,11 @@ import time
 import pytest
 
 import taskrpc
-from taskrpc.transport.connection import connection as connections
-from taskrpc.transport.connection.connection import Connection
-from taskrpc.transport.limits import keepalive
+from taskrpc.core.transport.connection import connection as connections
+from taskrpc.core.transport.connection.connection import Connection
+from taskrpc.core.transport.limits import keepalive
+from tests.core.transport.helpers import Add, Gate, Text, ask, until
 from tests.faults.harness import Bug, Lateness, milliseconds
-from tests.taskrpc.transport.helpers import Add, Gate, Text, ask, until
 
 pytestmark = [
     pytest.mark.faults,

@@ -9,13 +9,13 @@ import random
 import pytest
 
 import taskrpc
-from taskrpc.attempts import Attempts
-from taskrpc.transport import channel
-from taskrpc.transport.connection.client_side import CallingConnection
-from taskrpc.transport.memory import MemoryNetwork
+from taskrpc.core.attempts import Attempts
+from taskrpc.core.transport import channel
+from taskrpc.core.transport.connection.client_side import CallingConnection
+from taskrpc.core.transport.memory import MemoryNetwork
+from tests.core.transport.helpers import Add, add, ask
 from tests.faults.harness import Bug
 from tests.faults.programs import ADDER, kill
-from tests.taskrpc.transport.helpers import Add, add, ask
 
 pytestmark = pytest.mark.faults
 

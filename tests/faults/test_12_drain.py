@@ -14,14 +14,14 @@ import pytest
 
 import srvgen
 import taskrpc
+from taskrpc.core.storage.lock import FileInUse
+from taskrpc.core.storage.writer import Writer
 from taskrpc.node import Node
-from taskrpc.storage.lock import FileInUse
-from taskrpc.storage.writer import Writer
-from taskrpc.tasks.records import task_tables
-from taskrpc.tasks.records.store import Stored
+from taskrpc.robot.tasks.records import task_tables
+from taskrpc.robot.tasks.records.store import Stored
+from tests.core.transport.helpers import Add, ask
 from tests.faults.harness import Bug
 from tests.faults.programs import ADDER, TASK_SERVER, terminate
-from tests.taskrpc.transport.helpers import Add, ask
 
 pytestmark = [
     pytest.mark.faults,

@@ -14,16 +14,16 @@ import pytest
 
 import srvgen
 import taskrpc
+from taskrpc.core.transport import endpoint
+from taskrpc.core.transport.connection.server_side import ServingConnection
+from taskrpc.core.wire import messages
+from taskrpc.core.wire.connection_state import ConnectionState
+from taskrpc.core.wire.events import Closed, Event
+from taskrpc.core.wire.frames import HEADER, NO_DEADLINE, Splitter
+from taskrpc.core.wire.handshake import Identity, Peer
+from taskrpc.core.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Resolve, encode
+from taskrpc.core.wire.session import Session
 from taskrpc.errors import TaskRpcError
-from taskrpc.transport import endpoint
-from taskrpc.transport.connection.server_side import ServingConnection
-from taskrpc.wire import messages
-from taskrpc.wire.connection_state import ConnectionState
-from taskrpc.wire.events import Closed, Event
-from taskrpc.wire.frames import HEADER, NO_DEADLINE, Splitter
-from taskrpc.wire.handshake import Identity, Peer
-from taskrpc.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Resolve, encode
-from taskrpc.wire.session import Session
 from tests.faults.attacker import Line, questions
 from tests.faults.harness import Bug
 from tests.faults.test_22_attacker import any_proof_accepted

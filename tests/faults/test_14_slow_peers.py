@@ -10,16 +10,16 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.transport.codec import codec_of
-from taskrpc.transport.connection import connection
-from taskrpc.transport.connection.server_side import ServingConnection
-from taskrpc.transport.limits import calls_in_flight
-from taskrpc.wire.connection_state import ConnectionState
-from taskrpc.wire.events import ResponseReceived
-from taskrpc.wire.frames import NO_DEADLINE, FrameType, pack_frame, pack_header
-from taskrpc.wire.handshake import Identity
-from taskrpc.wire.messages import Resolve, decode_resolved
-from taskrpc.wire.session import Session
+from taskrpc.core.transport.codec import codec_of
+from taskrpc.core.transport.connection import connection
+from taskrpc.core.transport.connection.server_side import ServingConnection
+from taskrpc.core.transport.limits import calls_in_flight
+from taskrpc.core.wire.connection_state import ConnectionState
+from taskrpc.core.wire.events import ResponseReceived
+from taskrpc.core.wire.frames import NO_DEADLINE, FrameType, pack_frame, pack_header
+from taskrpc.core.wire.handshake import Identity
+from taskrpc.core.wire.messages import Resolve, decode_resolved
+from taskrpc.core.wire.session import Session
 from tests.faults.harness import Bug
 
 pytestmark = [
@@ -212,7 +212,7 @@ async def test_a_thousand_slow_peers_cost_little(counts, large, bug, programs):
 TAKING = """\
 import asyncio, sys
 import srvgen, taskrpc
-from taskrpc.transport.limits import calls_in_flight as load
+from taskrpc.core.transport.limits import calls_in_flight as load
 Text = srvgen.load("my_robot_interfaces/srv/RobotTask")
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 load.MAX_BYTES = int(sys.argv[1])

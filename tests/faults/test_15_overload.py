@@ -7,8 +7,8 @@ import pytest
 
 import taskrpc
 from taskrpc.service import Service
+from tests.core.transport.helpers import Add, ask
 from tests.faults.harness import Bug, Counts
-from tests.taskrpc.transport.helpers import Add, ask
 
 pytestmark = pytest.mark.faults
 

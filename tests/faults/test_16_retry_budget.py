@@ -6,8 +6,8 @@ import pytest
 
 import taskrpc
 from taskrpc.retry import RetryBudget
+from tests.core.transport.helpers import Add, ask
 from tests.faults.harness import Bug
-from tests.taskrpc.transport.helpers import Add, ask
 
 pytestmark = pytest.mark.faults
 

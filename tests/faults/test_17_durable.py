@@ -15,8 +15,8 @@ from pathlib import Path
 
 import pytest
 
-from taskrpc.storage import database
-from taskrpc.tasks.records.sqlite_store import SqliteStore
+from taskrpc.core.storage import database
+from taskrpc.robot.tasks.records.sqlite_store import SqliteStore
 from tests.faults import submitting
 from tests.faults.disk_states import Disk, recorded
 from tests.faults.harness import Bug

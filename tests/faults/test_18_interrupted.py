@@ -12,9 +12,9 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.tasks.model import TaskState
-from taskrpc.tasks.records.repository import TaskRepository
-from taskrpc.tasks.responses import Resumed
+from taskrpc.robot.tasks.model import TaskState
+from taskrpc.robot.tasks.records.repository import TaskRepository
+from taskrpc.robot.tasks.responses import Resumed
 from tests.faults.harness import Bug
 from tests.faults.programs import TASK_SERVER, kill
 

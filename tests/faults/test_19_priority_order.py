@@ -15,12 +15,12 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from taskrpc.tasks.manager import TaskManager, TaskSettings
-from taskrpc.tasks.model import Task
-from taskrpc.tasks.queue.task_queue import TaskQueue
-from taskrpc.tasks.worker import Worker
+from taskrpc.robot.tasks.manager import TaskManager, TaskSettings
+from taskrpc.robot.tasks.model import Task
+from taskrpc.robot.tasks.queue.task_queue import TaskQueue
+from taskrpc.robot.tasks.worker import Worker
 from tests.faults.harness import Bug
-from tests.taskrpc.tasks.fakes import FullStore, LineRobot
+from tests.robot.tasks.fakes import FullStore, LineRobot
 
 pytestmark = pytest.mark.faults
 

@@ -14,11 +14,11 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.request_ids.ids import Completion
-from taskrpc.storage.database import Database
-from taskrpc.storage.writer import Writer
-from taskrpc.tasks.model import Task
-from taskrpc.tasks.records.sqlite_store import SqliteStore
+from taskrpc.core.request_ids.ids import Completion
+from taskrpc.core.storage.database import Database
+from taskrpc.core.storage.writer import Writer
+from taskrpc.robot.tasks.model import Task
+from taskrpc.robot.tasks.records.sqlite_store import SqliteStore
 from tests.faults.harness import Bug
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]

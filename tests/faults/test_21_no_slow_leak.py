@@ -10,12 +10,12 @@ import random
 import pytest
 
 import taskrpc
+from taskrpc.core.transport.connection.deadline_timer import Deadlines
+from taskrpc.core.transport.connection.dialling import Dialler
+from taskrpc.core.transport.connection.incoming_call import RemoteCall
 from taskrpc.errors import ConnectionLost
-from taskrpc.transport.connection.deadline_timer import Deadlines
-from taskrpc.transport.connection.dialling import Dialler
-from taskrpc.transport.connection.incoming_call import RemoteCall
+from tests.core.transport.helpers import Add, ask
 from tests.faults.harness import Bug
-from tests.taskrpc.transport.helpers import Add, ask
 
 pytestmark = [
     pytest.mark.faults,

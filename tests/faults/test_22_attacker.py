@@ -12,15 +12,15 @@ import trustme
 import srvgen
 import taskrpc
 from taskrpc import QoS, Role
-from taskrpc.security.tls import Tls
-from taskrpc.transport.connection import server_side
-from taskrpc.wire import handshake
-from taskrpc.wire.frames import Splitter
-from taskrpc.wire.session import Session
+from taskrpc.core.security.tls import Tls
+from taskrpc.core.transport.connection import server_side
+from taskrpc.core.wire import handshake
+from taskrpc.core.wire.frames import Splitter
+from taskrpc.core.wire.session import Session
+from tests.core.transport.helpers import Add
 from tests.faults import attacker
 from tests.faults.attacker import Attacker, broken_handshakes, knowing, replays, wrong_proofs
 from tests.faults.harness import Bug
-from tests.taskrpc.transport.helpers import Add
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 

@@ -9,11 +9,11 @@ import trustme
 
 import taskrpc
 from taskrpc import Account, Accounts
-from taskrpc.security import listen_policy
-from taskrpc.security.tls import Tls
-from taskrpc.transport.connection import server_side
+from taskrpc.core.security import listen_policy
+from taskrpc.core.security.tls import Tls
+from taskrpc.core.transport.connection import server_side
+from tests.core.transport.helpers import Add, ask
 from tests.faults.harness import Bug
-from tests.taskrpc.transport.helpers import Add, ask
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 

@@ -14,12 +14,12 @@ import pytest
 
 import taskrpc
 from taskrpc import Account, Accounts
-from taskrpc.security import accounts as accounts_module
-from taskrpc.transport import endpoint, network, pipe
-from taskrpc.wire import handshake
+from taskrpc.core.security import accounts as accounts_module
+from taskrpc.core.transport import endpoint, network, pipe
+from taskrpc.core.wire import handshake
+from tests.core.transport.helpers import Add, add, ask
+from tests.core.wire.helpers import Comparisons
 from tests.faults.harness import Bug
-from tests.taskrpc.transport.helpers import Add, add, ask
-from tests.taskrpc.wire.helpers import Comparisons
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 
@@ -190,7 +190,7 @@ async def test_secrets_are_not_sent(counts, monkeypatch):
 
 
 def leaves_files_open(patch):
-    from taskrpc import platform
+    from taskrpc.core import platform
 
     def open_private(path, **options):
         made = os.open(path, os.O_RDWR | os.O_CREAT, 0o644, dir_fd=options.get("dir_fd"))
@@ -260,7 +260,7 @@ async def test_commands_do_not_reveal_secrets_of_their_files(counts, programs, t
 
 
 def believes_open_files(patch):
-    from taskrpc import platform
+    from taskrpc.core import platform
 
     patch(platform, "why_not_private", lambda *_, **options: "")
 
@@ -299,7 +299,7 @@ def test_secret_file_that_others_can_read_is_refused(counts, tmp_path, capsys):
 
 
 def writes_for_everybody(patch):
-    from taskrpc import platform
+    from taskrpc.core import platform
 
     def write_private(path, content, *, sync=True):
         path.write_bytes(content)
@@ -314,8 +314,8 @@ def writes_for_everybody(patch):
 )
 def test_files_of_a_class_cannot_be_read_by_others(counts, tmp_path):
     """Under every umask, and also if their folder is readable by others."""
-    from taskrpc.classroom.authority import make_certificates
-    from taskrpc.classroom.register import Place, Register
+    from taskrpc.course.classroom.authority import make_certificates
+    from taskrpc.course.classroom.register import Place, Register
 
     before = os.umask(0)
     try:

@@ -101,7 +101,7 @@ asyncio.run(main())
 
 def opens_the_registry(patch):
     """Folders and files with Python's default modes, under the umask of the server."""
-    from taskrpc import platform
+    from taskrpc.core import platform
 
     def private_dir(path):
         path.mkdir(parents=True, exist_ok=True)
@@ -122,8 +122,8 @@ def opens_the_registry(patch):
 
 def opens_the_socket(patch):
     """A socket that every user may reach, without a check of the peer's user."""
-    from taskrpc import platform
-    from taskrpc.transport.tcp import tcp_network, unix_sockets
+    from taskrpc.core import platform
+    from taskrpc.core.transport.tcp import tcp_network, unix_sockets
 
     opens_the_registry(patch)
     patch(
@@ -148,7 +148,7 @@ def runtime():
 
 def makes_readable_files(patch):
     """Their folder still keeps others out, unless it is moved or copied."""
-    from taskrpc import platform
+    from taskrpc.core import platform
 
     known = platform.open_private
 
@@ -204,7 +204,7 @@ async def test_second_user_can_neither_read_the_token_nor_call(
 
 def _addresses(runtime: Path) -> str:
     """The addresses where the server accepts calls, as root sees them."""
-    from taskrpc.transport.discovery.registry import Registry
+    from taskrpc.core.transport.discovery.registry import Registry
 
     entries = Registry(0).entries()
     places = {each.services[0].name: each.address for each in entries if each.services}

@@ -13,8 +13,8 @@ import pytest
 import srvgen
 import taskrpc
 from taskrpc import QoS
+from taskrpc.core.transport.pubsub import publishing, subscribing
 from taskrpc.testing import FaultyNetwork
-from taskrpc.transport.pubsub import publishing, subscribing
 from tests.faults.harness import Bug, read_nothing
 
 pytestmark = pytest.mark.faults

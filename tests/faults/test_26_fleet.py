@@ -15,19 +15,19 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.fleet import FleetManager, FleetSettings, rules
-from taskrpc.fleet.worker import FleetWorker
 from taskrpc.robot import default_world
-from taskrpc.tasks import rules as requests
-from taskrpc.tasks.model import TaskState
+from taskrpc.robot.fleet import FleetManager, FleetSettings, rules
+from taskrpc.robot.fleet.worker import FleetWorker
+from taskrpc.robot.tasks import rules as requests
+from taskrpc.robot.tasks.model import TaskState
 from tests.faults.harness import Bug
 from tests.faults.postgres_proxy import CUT, SWALLOW, PostgresProxy
 from tests.faults.programs import TASK_SERVER, kill
-from tests.taskrpc.tasks.fakes import LineRobot
+from tests.robot.tasks.fakes import LineRobot
 
 pytest.importorskip("psycopg")
 
-from taskrpc.fleet.postgres_store import POLL, PostgresStore
+from taskrpc.robot.fleet.postgres_store import POLL, PostgresStore
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 

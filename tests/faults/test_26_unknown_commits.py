@@ -11,12 +11,12 @@ from taskrpc.errors import OutcomeUnknown, StoreError
 from tests.faults.harness import Bug
 from tests.faults.postgres_proxy import CUT, SHUT_DOWN, SWALLOW, PostgresProxy
 from tests.faults.programs import TASK_SERVER, kill
-from tests.taskrpc.fleet.fakes import task
+from tests.robot.fleet.fakes import task
 
 pytest.importorskip("psycopg")
 
-from taskrpc.fleet import postgres_connection, postgres_store
-from taskrpc.fleet.postgres_store import PostgresStore
+from taskrpc.robot.fleet import postgres_connection, postgres_store
+from taskrpc.robot.fleet.postgres_store import PostgresStore
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 

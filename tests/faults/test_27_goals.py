@@ -19,10 +19,10 @@ from taskrpc.actions.goal_handle import Feedback
 from taskrpc.actions.server import ActionServer
 from taskrpc.actions.states import GoalState
 from taskrpc.testing import CallFaults, FaultyNetwork
+from tests.core.transport.helpers import outcome
 from tests.faults.harness import Bug, read_nothing
 from tests.faults.programs import kill
 from tests.faults.proxy import CUT, Faults, Proxy
-from tests.taskrpc.transport.helpers import outcome
 
 pytestmark = pytest.mark.faults
 

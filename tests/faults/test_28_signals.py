@@ -211,7 +211,7 @@ ROWS = [(api, call) for api, (_, *calls) in CALLS.items() for call in calls]
 
 def waits_again_after_the_shutdown(patch):
     # In a program that `taskrpc run` runs, the module has ROS's name.
-    name = "rclpy" if importlib.util.find_spec("rclpy") else "taskrpc.rclpy"
+    name = "rclpy" if importlib.util.find_spec("rclpy") else "taskrpc.ros.packages.rclpy"
     Client = importlib.import_module(f"{name}.client").Client
     wait = Client.wait_for_service
 

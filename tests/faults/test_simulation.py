@@ -10,23 +10,24 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from taskrpc import Node, attempts, service
-from taskrpc.attempts import Attempts
+from taskrpc import Node, service
+from taskrpc.core import attempts
+from taskrpc.core.attempts import Attempts
+from taskrpc.core.exactly_once import Deduplicator, Execution
+from taskrpc.core.exactly_once.store_state import LeaseClock, StoreState
+from taskrpc.core.request_ids.ledger import Ledger, Verdict
+from taskrpc.core.transport.base import IncomingCall
+from taskrpc.core.transport.connection.client_side import CallingConnection, OpenCall
+from taskrpc.core.transport.connection.server_side import ServingConnection
+from taskrpc.core.transport.pubsub import publishing, subscribing
 from taskrpc.errors import Code, ConnectionLost, HandlerFailed, StoreError
-from taskrpc.exactly_once import Deduplicator, Execution
-from taskrpc.exactly_once.store_state import LeaseClock, StoreState
-from taskrpc.request_ids.ledger import Ledger, Verdict
-from taskrpc.tasks import rules
-from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.model import LEVELS, Task, TaskState
-from taskrpc.tasks.records.repository import TaskRepository
-from taskrpc.tasks.responses import TaskResponse
-from taskrpc.tasks.server import TaskServer
-from taskrpc.tasks.worker import Worker
-from taskrpc.transport.base import IncomingCall
-from taskrpc.transport.connection.client_side import CallingConnection, OpenCall
-from taskrpc.transport.connection.server_side import ServingConnection
-from taskrpc.transport.pubsub import publishing, subscribing
+from taskrpc.robot.tasks import rules
+from taskrpc.robot.tasks.manager import TaskManager
+from taskrpc.robot.tasks.model import LEVELS, Task, TaskState
+from taskrpc.robot.tasks.records.repository import TaskRepository
+from taskrpc.robot.tasks.responses import TaskResponse
+from taskrpc.robot.tasks.server import TaskServer
+from taskrpc.robot.tasks.worker import Worker
 from tests.faults.harness import Bug, Counts
 from tests.simulation.ledger import PROMISES
 from tests.simulation.processes import PROCESS

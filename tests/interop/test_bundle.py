@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from taskrpc.classroom.bundle import check_bundle, make_bundle
-from taskrpc.classroom.wheels import PYTHONS, Wanted
+from taskrpc.course.classroom.bundle import check_bundle, make_bundle
+from taskrpc.course.classroom.wheels import PYTHONS, Wanted
 
 pytestmark = [
     pytest.mark.interop,

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from taskrpc.labs.variants import Variant
+from taskrpc.course.labs.variants import Variant
 from tests.labs.submissions import solution_of, submission
 
 PATIENCE = 120.0

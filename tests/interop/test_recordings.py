@@ -20,11 +20,11 @@ from rosbags.typesys.msg import normalize_msgtype
 import srvgen
 import taskrpc
 from srvgen.classes.loader import search
-from taskrpc.recording.mcap_file import Recording, RecordingWriter
-from taskrpc.recording.player import Player, PlaySettings
-from taskrpc.recording.recorder import message_class
-from taskrpc.recording.schemas import schema_text
-from tests.taskrpc.recording.conftest import _recorded, recorded_run  # noqa: F401
+from taskrpc.observe.recording.mcap_file import Recording, RecordingWriter
+from taskrpc.observe.recording.player import Player, PlaySettings
+from taskrpc.observe.recording.recorder import message_class
+from taskrpc.observe.recording.schemas import schema_text
+from tests.observe.recording.conftest import _recorded, recorded_run  # noqa: F401
 
 SECOND = 10**9
 EMPTY = "structure_needs_at_least_one_member"
@@ -121,7 +121,7 @@ def test_file_of_a_killed_recorder_is_read_up_to_its_last_message(tmp_path):
     path = tmp_path / "killed.mcap"
     program = (
         "import os, signal, sys\n"
-        "from taskrpc.recording.mcap_file import RecordingWriter\n"
+        "from taskrpc.observe.recording.mcap_file import RecordingWriter\n"
         "writer = RecordingWriter(sys.argv[1])\n"
         "topic = writer.add_topic('/n', 'std_msgs/msg/UInt8', 'uint8 data\\n')\n"
         "for number in range(1000):\n"

@@ -6,7 +6,7 @@ that need less than a minute. All of it needs two minutes, on a busy machine muc
 environment, this command runs it:
 
     export FASTDDS_DEFAULT_PROFILES_FILE=$PWD/tests/interop/inside_ros/fast_dds.xml
-    python -m pytest -m interop -n 5 -k ros tests/taskrpc/transport
+    python -m pytest -m interop -n 5 -k ros tests/core/transport
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ INSIDE = {
     "ROS programs": ["tests/interop/inside_ros/ros_programs.py", "-n", "4"],
     "messages": ["tests/interop/inside_ros/ros_messages.py"],
     "contract": [
-        "tests/taskrpc/transport/contract",
+        "tests/core/transport/contract",
         "-n",
         "5",
         "-k",

@@ -12,10 +12,10 @@ import time
 
 import pytest
 
-from taskrpc.scenes.catalogue import SCENES, scene
-from taskrpc.scenes.player import program_path
+from taskrpc.course.scenes.catalogue import SCENES, scene
+from taskrpc.course.scenes.player import program_path
+from tests.course.scenes.test_player import CURES, LIKE_ROS
 from tests.ros_domains import own_domains
-from tests.taskrpc.scenes.test_player import CURES, LIKE_ROS
 
 ALONE = [each.name for each in SCENES if not each.robot]
 LIMIT = 15.0

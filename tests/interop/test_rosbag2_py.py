@@ -11,7 +11,7 @@ from rosbags.highlevel import AnyReader
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from tests.taskrpc.ros.packages.conftest import ros_names  # noqa: F401
+from tests.ros.packages.conftest import ros_names  # noqa: F401
 
 SECOND = 10**9
 

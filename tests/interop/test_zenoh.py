@@ -16,8 +16,8 @@ import taskrpc
 pytest.importorskip("zenoh_ros2_sdk")
 pytest.importorskip("pyzeros")
 
-from tests.taskrpc.transport.conftest import zenoh_router  # noqa: F401
-from tests.taskrpc.transport.helpers import until
+from tests.core.transport.conftest import zenoh_router  # noqa: F401
+from tests.core.transport.helpers import until
 
 pytestmark = pytest.mark.real_time
 

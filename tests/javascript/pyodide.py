@@ -6,7 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-from taskrpc.browser_lab.downloads import ARCHIVES, MSGSPEC, PYODIDE, PYYAML
+from taskrpc.course.browser_lab.downloads import ARCHIVES, MSGSPEC, PYODIDE, PYYAML
 from tests.javascript.packages import FOLDER, program
 
 _ARCHIVES = FOLDER / "pyodide"

@@ -8,9 +8,9 @@ import sys
 
 import pytest
 
-from taskrpc.labs.sandbox import bubblewrap
-from taskrpc.labs.sandbox import child_trial as trials
-from taskrpc.labs.variants import Variant
+from taskrpc.course.labs.sandbox import bubblewrap
+from taskrpc.course.labs.sandbox import child_trial as trials
+from taskrpc.course.labs.variants import Variant
 
 WHY_NOT = bubblewrap.why_not()
 CONFINED = WHY_NOT == ""

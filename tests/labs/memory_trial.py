@@ -8,8 +8,8 @@ import random
 import re
 
 from taskrpc import Node
-from taskrpc.labs.lab import NotMet
-from taskrpc.labs.variants import Variant
+from taskrpc.course.labs.lab import NotMet
+from taskrpc.course.labs.variants import Variant
 
 _LOOK = 0.05
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import runpy
 from pathlib import Path
 
-from taskrpc.labs.catalogue import lab
-from taskrpc.labs.starter import filled, write_starter
+from taskrpc.course.labs.catalogue import lab
+from taskrpc.course.labs.starter import filled, write_starter
 
 LECTURERS = Path(__file__).parents[2] / "examples" / "labs"
 

@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 
-import taskrpc.labs.catalogue
-from taskrpc.labs.catalogue import lab
-from taskrpc.labs.checks.planted import FAULTS, FILES, values_with
-from taskrpc.labs.starter import filled
-from taskrpc.labs.variants import Variant
+import taskrpc.course.labs.catalogue
+from taskrpc.course.labs.catalogue import lab
+from taskrpc.course.labs.checks.planted import FAULTS, FILES, values_with
+from taskrpc.course.labs.starter import filled
+from taskrpc.course.labs.variants import Variant
 from tests.labs.submissions import solution_of, submission
 from tests.labs.test_submissions import problems
 
 pytestmark = [pytest.mark.labs, pytest.mark.real_time]
-TEMPLATES = Path(taskrpc.labs.catalogue.__file__).parent / "files" / "lab6"
+TEMPLATES = Path(taskrpc.course.labs.catalogue.__file__).parent / "files" / "lab6"
 FINDS = {
     "robot.py": {"the robot answers each request", "the robot answers while it scans"},
     "planner.py": {"the planner's mission uses the robot"},

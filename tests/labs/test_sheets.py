@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from taskrpc.labs.catalogue import LABS
-from taskrpc.labs.variants import Variant
+from taskrpc.course.labs.catalogue import LABS
+from taskrpc.course.labs.variants import Variant
 from tests.docs.markdown import read_page
 from tests.docs.stage import Stage
 from tests.labs.submissions import solution_of, write_over

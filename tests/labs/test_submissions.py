@@ -4,10 +4,10 @@ import re
 
 import pytest
 
-from taskrpc.labs.catalogue import LABS
-from taskrpc.labs.grader import grade
-from taskrpc.labs.sandbox.worker import Request
-from taskrpc.labs.variants import Variant
+from taskrpc.course.labs.catalogue import LABS
+from taskrpc.course.labs.grader import grade
+from taskrpc.course.labs.sandbox.worker import Request
+from taskrpc.course.labs.variants import Variant
 from tests.labs.confined import CONFINED
 from tests.labs.submissions import LECTURERS, solution_of, submission
 

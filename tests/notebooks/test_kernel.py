@@ -15,7 +15,7 @@ from tests.docs.markdown import read_page  # noqa: E402
 from tests.notebooks.kernel import Kernel  # noqa: E402
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "work-in-a-notebook.md"
-BEGIN = "%load_ext taskrpc.notebook\nfrom taskrpc import notebook"
+BEGIN = "%load_ext taskrpc.course.notebook\nfrom taskrpc import notebook"
 SERVER = """
 import rclpy
 from example_interfaces.srv import AddTwoInts

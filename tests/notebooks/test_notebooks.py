@@ -8,9 +8,9 @@ pytestmark = [pytest.mark.notebooks, pytest.mark.real_time]
 nbclient = pytest.importorskip("nbclient", reason="the extra `notebooks` is not installed")
 nbformat = pytest.importorskip("nbformat", reason="the extra `notebooks` is not installed")
 
-from taskrpc.labs.catalogue import LABS, lab  # noqa: E402
-from taskrpc.labs.starter import filled  # noqa: E402
-from taskrpc.labs.variants import Variant  # noqa: E402
+from taskrpc.course.labs.catalogue import LABS, lab  # noqa: E402
+from taskrpc.course.labs.starter import filled  # noqa: E402
+from taskrpc.course.labs.variants import Variant  # noqa: E402
 from tests.notebooks.tidy import NOTEBOOKS  # noqa: E402
 
 SOLUTIONS = Path(__file__).parents[2] / "examples" / "labs"

@@ -10,9 +10,9 @@ import json
 from pathlib import Path
 from typing import Any
 
-from taskrpc.labs.catalogue import lab
-from taskrpc.labs.starter import starter_files
-from taskrpc.labs.variants import Variant
+from taskrpc.course.labs.catalogue import lab
+from taskrpc.course.labs.starter import starter_files
+from taskrpc.course.labs.variants import Variant
 
 NOTEBOOKS = Path(__file__).parents[2] / "docs" / "teach" / "notebooks"
 

@@ -10,9 +10,9 @@ import time
 
 import pytest
 
-from taskrpc import attempts
-from taskrpc.exactly_once import Deduplicator, Execution, deduplicator
-from taskrpc.request_ids.ledger import Ledger
+from taskrpc.core import attempts
+from taskrpc.core.exactly_once import Deduplicator, Execution, deduplicator
+from taskrpc.core.request_ids.ledger import Ledger
 
 LEASE = 20.0
 """Seconds for which a simulated server remembers a client: longer than any call lasts."""

@@ -6,9 +6,9 @@ import asyncio
 import collections
 
 from taskrpc import OutcomeUnknown, StoreError
-from taskrpc.exactly_once.stores import MemoryCompletions
-from taskrpc.tasks.model import TaskState
-from taskrpc.tasks.records.store import MemoryStore
+from taskrpc.core.exactly_once.stores import MemoryCompletions
+from taskrpc.robot.tasks.model import TaskState
+from taskrpc.robot.tasks.records.store import MemoryStore
 
 
 class Disk(MemoryStore):

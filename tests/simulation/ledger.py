@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field
 
 import taskrpc
-from taskrpc.tasks.model import TaskState
+from taskrpc.robot.tasks.model import TaskState
 from tests.simulation.orders import Orders
 
 LATE = 0.02

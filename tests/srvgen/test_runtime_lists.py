@@ -13,7 +13,7 @@ import srvgen
 from srvgen import FieldError
 from srvgen._runtime import bounded_text, to_boolean, to_byte, to_items, to_text
 from srvgen.classes.loader import define
-from taskrpc.transport.codec import codec_of
+from taskrpc.core.transport.codec import codec_of
 
 COUNT = 10_000
 MOST_CALLS = 1_000

@@ -3,9 +3,9 @@
 import asyncio
 
 import srvgen
-from taskrpc.labs.checks import lab1
-from taskrpc.labs.checks.common import STARTED, answer, ended, service_of
-from taskrpc.labs.lab import Check, NotMet
+from taskrpc.course.labs.checks import lab1
+from taskrpc.course.labs.checks.common import STARTED, answer, ended, service_of
+from taskrpc.course.labs.lab import Check, NotMet
 
 ADD_TWO_INTS = srvgen.load("example_interfaces/srv/AddTwoInts")
 LARGEST = 2**63 - 1

@@ -2,8 +2,8 @@
 
 import asyncio
 
-from taskrpc.labs.checks.lab2 import TaskClient
-from taskrpc.labs.lab import Check, NotMet
+from taskrpc.course.labs.checks.lab2 import TaskClient
+from taskrpc.course.labs.lab import Check, NotMet
 
 CALLS = 30
 

@@ -1,7 +1,7 @@
 """Hidden checks of lab 3, for the lecturer: other orders of the responses, and ticks between them."""
 
-from taskrpc.labs.checks.lab3 import all_sent, held_service, shows, ticks
-from taskrpc.labs.lab import Check, NotMet
+from taskrpc.course.labs.checks.lab3 import all_sent, held_service, shows, ticks
+from taskrpc.course.labs.lab import Check, NotMet
 
 
 async def _shows_in_any_order(trial):

@@ -1,6 +1,6 @@
 """Hidden checks of lab 4: a late response, a callback that fails, and no robot at all."""
 
-from taskrpc.labs.checks.lab4 import (
+from taskrpc.course.labs.checks.lab4 import (
     Robot,
     end_of,
     expect_one_line,
@@ -9,7 +9,7 @@ from taskrpc.labs.checks.lab4 import (
     retry_of,
     targets_of,
 )
-from taskrpc.labs.lab import Check, NotMet
+from taskrpc.course.labs.lab import Check, NotMet
 
 
 async def _late(trial):

@@ -1,7 +1,7 @@
 """Hidden checks of lab 5: an urgent task, a second busy phase, and two tasks of one kind."""
 
-from taskrpc.labs.checks.lab5 import Desk, expect_order
-from taskrpc.labs.lab import Check, NotMet
+from taskrpc.course.labs.checks.lab5 import Desk, expect_order
+from taskrpc.course.labs.lab import Check, NotMet
 
 
 async def _urgent(trial):

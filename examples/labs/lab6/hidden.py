@@ -3,12 +3,12 @@
 import asyncio
 
 import srvgen
-from taskrpc.labs.checks.common import answer, ended, service_of
-from taskrpc.labs.lab import Check, NotMet
+from taskrpc.course.labs.checks.common import answer, ended, service_of
+from taskrpc.course.labs.lab import Check, NotMet
 
 
 def _robot(trial):
-    from taskrpc.labs.checks.lab6 import LAB
+    from taskrpc.course.labs.checks.lab6 import LAB
 
     return LAB.values(trial.variant)["ROBOT"]
 

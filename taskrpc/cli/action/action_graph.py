@@ -8,8 +8,8 @@ from typing import Any
 import srvgen
 from taskrpc.actions.names import action_of_feedback
 from taskrpc.cli.shared import definitions
-from taskrpc.transport.discovery.entries import RegistryEntry
-from taskrpc.wire.messages import TopicEndpoint
+from taskrpc.core.transport.discovery.entries import RegistryEntry
+from taskrpc.core.wire.messages import TopicEndpoint
 
 
 class Action:

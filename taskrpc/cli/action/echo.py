@@ -14,7 +14,7 @@ from taskrpc.cli.shared import graph, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted, tune_for_long_run
 from taskrpc.cli.shared.remote import remote_of
 from taskrpc.cli.topic.reading import Feed
-from taskrpc.introspection import SUFFIX
+from taskrpc.core.introspection import SUFFIX
 from taskrpc.qos import QoS
 from taskrpc.ros.message_text import Cut, csv_of, yaml_of
 

@@ -13,10 +13,10 @@ import msgspec
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound
 from taskrpc.cli.task.view import printable
-from taskrpc.introspection import SUFFIX
-from taskrpc.recording.mcap_file import Topic
-from taskrpc.recording.schemas import EVENT, is_event
-from taskrpc.recording.sqlite_file import AnyRecording, open_recording
+from taskrpc.core.introspection import SUFFIX
+from taskrpc.observe.recording.mcap_file import Topic
+from taskrpc.observe.recording.schemas import EVENT, is_event
+from taskrpc.observe.recording.sqlite_file import AnyRecording, open_recording
 
 
 class Contents(msgspec.Struct):
@@ -142,7 +142,7 @@ def _as_json(recording: AnyRecording, found: Contents) -> dict[str, object]:
 
 def sequence(options: argparse.Namespace) -> Exit:
     """Print a Mermaid sequence diagram of the recorded calls."""
-    from taskrpc.recording.sequence import diagram
+    from taskrpc.observe.recording.sequence import diagram
 
     recording = open_recording(options.file)
     services = [quoting.expanded(name) for name in options.services]

@@ -10,8 +10,8 @@ from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound
 from taskrpc.cli.shared.remote import remote_of
 from taskrpc.cli.task.view import printable
-from taskrpc.recording.player import Player, PlaySettings
-from taskrpc.recording.sqlite_file import AnyRecording, open_recording
+from taskrpc.observe.recording.player import Player, PlaySettings
+from taskrpc.observe.recording.sqlite_file import AnyRecording, open_recording
 
 _LAST = 0.1
 """Seconds to stay after the last message, so that it is sent."""

@@ -52,11 +52,11 @@ def _rosbridge(options: argparse.Namespace) -> int:
 
 async def _serve(options: argparse.Namespace, access: remote.Remote, token: str) -> int:
     """Serve until the process gets a signal; returns the signal's number."""
+    from taskrpc.bridges.rosbridge.server import RosbridgeServer
     from taskrpc.node import Node
+    from taskrpc.observe.web import Page
+    from taskrpc.observe.web.server import WebServer
     from taskrpc.program import stop_requested
-    from taskrpc.rosbridge.server import RosbridgeServer
-    from taskrpc.web import Page
-    from taskrpc.web.server import WebServer
 
     async def info() -> Page:
         return Page(_INFO)

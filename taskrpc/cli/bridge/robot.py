@@ -12,7 +12,7 @@ from taskrpc.cli.shared.command import UsageError, exit_after, tune_for_long_run
 from taskrpc.cli.shared.parsing import number, whole
 
 if TYPE_CHECKING:
-    from taskrpc.gateway import Gateway
+    from taskrpc.bridges.gateway import Gateway
 
 _GATEWAY = "taskrpc_gateway"
 """The name of its two nodes: one on the robot, one for the laptops."""
@@ -51,7 +51,7 @@ def configure(ros: argparse.ArgumentParser) -> None:
 
 def _name(text: str) -> str:
     """Return a name that may have `*` and `?`. Raises argparse's ArgumentTypeError."""
-    from taskrpc.gateway import Allowed  # imports much, so only this command does
+    from taskrpc.bridges.gateway import Allowed  # imports much, so only this command does
 
     try:
         Allowed([text])
@@ -74,10 +74,10 @@ async def serve(options: argparse.Namespace, access: remote.Remote) -> int:
     import asyncio
 
     import srvgen
-    from taskrpc.gateway import AccountLimits, Allowed, Gateway
+    from taskrpc.bridges.gateway import AccountLimits, Allowed, Gateway
+    from taskrpc.core.security.roles import Role
     from taskrpc.node import Node
     from taskrpc.program import stop_requested
-    from taskrpc.security.roles import Role
 
     robot = Node(_GATEWAY, namespace="/", transport=options.transport)
     lab = Node(

@@ -5,11 +5,11 @@ from __future__ import annotations
 import argparse
 import sys
 
-from taskrpc.browser_lab.server import PORT, LabServer
-from taskrpc.classroom.register import Register
 from taskrpc.cli.lab.browser_page import files_of_the_page, serve
 from taskrpc.cli.shared.command import Exit
-from taskrpc.security.tls import Tls
+from taskrpc.core.security.tls import Tls
+from taskrpc.course.browser_lab.server import PORT, LabServer
+from taskrpc.course.classroom.register import Register
 
 _EVERYWHERE = "0.0.0.0"
 

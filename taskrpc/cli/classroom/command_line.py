@@ -16,9 +16,9 @@ TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from taskrpc.classroom.register import Place, Register
     from taskrpc.cli.shared.parsing import Commands
-    from taskrpc.security.roles import Account
+    from taskrpc.core.security.roles import Account
+    from taskrpc.course.classroom.register import Place, Register
 
 _PORT = 7450
 _DAYS = 180
@@ -115,7 +115,7 @@ def _add_reset(commands: Commands) -> None:
 
 
 def _host(text: str) -> str:
-    from taskrpc.classroom.register import is_host
+    from taskrpc.course.classroom.register import is_host
 
     if not is_host(text):
         raise argparse.ArgumentTypeError(f"expected a host name or an address, got {text!r}")
@@ -161,15 +161,15 @@ def _make(options: argparse.Namespace) -> Exit:
 
 
 def _register() -> Register:
-    from taskrpc import platform
-    from taskrpc.classroom.register import Register
+    from taskrpc.core import platform
+    from taskrpc.course.classroom.register import Register
 
     return Register(platform.state_dir() / "classroom")
 
 
 def _place(options: argparse.Namespace, register: Register) -> Place:
-    from taskrpc.classroom.register import Place, own_addresses
-    from taskrpc.transport.settings import domain_id
+    from taskrpc.core.transport.settings import domain_id
+    from taskrpc.course.classroom.register import Place, own_addresses
 
     hosts = options.address or own_addresses()
     if not hosts:
@@ -183,8 +183,8 @@ def _place(options: argparse.Namespace, register: Register) -> Place:
 
 
 def _make_certificates(register: Register, place: Place) -> None:
-    from taskrpc.classroom.authority import make_certificates
-    from taskrpc.classroom.register import own_names
+    from taskrpc.course.classroom.authority import make_certificates
+    from taskrpc.course.classroom.register import own_names
 
     names = list(dict.fromkeys([*place.hosts, *own_names()]))
     make_certificates(register.folder, names, datetime.datetime.now(datetime.UTC))
@@ -199,8 +199,8 @@ def _students(given: str) -> list[str]:
             problem = f"expected a number from 1 to {_MOST_STUDENTS}, got {given[:20]}"
             raise TaskRpcError(f"--students: {problem}")
         return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
-    from taskrpc import platform
-    from taskrpc.classroom.register import cleaned, student_name_problem
+    from taskrpc.core import platform
+    from taskrpc.course.classroom.register import cleaned, student_name_problem
 
     try:
         lines = platform.read_text(given, "utf-8-sig").splitlines()
@@ -281,7 +281,7 @@ def _reset(options: argparse.Namespace) -> Exit:
 
     from taskrpc.cli.classroom.reset import REFRESH, confirmed, end_group
     from taskrpc.cli.shared.task_database import default_database
-    from taskrpc.security.lab import robot_namespace
+    from taskrpc.core.security.lab import robot_namespace
 
     register = _register()
     assert register.place  # raises TaskRpcError if there is no class

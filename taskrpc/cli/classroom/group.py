@@ -8,14 +8,14 @@ from collections.abc import Callable
 from typing import Any
 
 import srvgen
-from taskrpc.classroom.archive import summary, write_archive
-from taskrpc.classroom.attendance import Attendance
-from taskrpc.classroom.register import Register
-from taskrpc.classroom.resetting import begin_again, end_all
+from taskrpc.core.security.roles import Role
+from taskrpc.course.classroom.archive import summary, write_archive
+from taskrpc.course.classroom.attendance import Attendance
+from taskrpc.course.classroom.register import Register
+from taskrpc.course.classroom.resetting import begin_again, end_all
 from taskrpc.errors import Code, HandlerError, StoreError
 from taskrpc.node import Node
-from taskrpc.security.roles import Role
-from taskrpc.tasks.server import TaskServer
+from taskrpc.robot.tasks.server import TaskServer
 
 RESET = "robot_task/reset"
 """The name of the service, in the namespace of the robot."""

@@ -6,10 +6,10 @@ import argparse
 import sys
 from pathlib import Path
 
-from taskrpc.classroom.bundle import check_bundle, make_bundle
-from taskrpc.classroom.bundle_pages import START
-from taskrpc.classroom.wheels import PYTHONS, SYSTEMS, Wanted
 from taskrpc.cli.shared.command import Exit, UsageError
+from taskrpc.course.classroom.bundle import check_bundle, make_bundle
+from taskrpc.course.classroom.bundle_pages import START
+from taskrpc.course.classroom.wheels import PYTHONS, SYSTEMS, Wanted
 
 
 def make_or_check(options: argparse.Namespace) -> Exit:

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 from taskrpc.cli.demo.story import Line
 from taskrpc.errors import StoreError
-from taskrpc.fleet import FleetManager, FleetSettings, MemoryFleet, MemoryFleetStore
 from taskrpc.robot import KinematicRobot, default_world
-from taskrpc.tasks import Task, TaskResponse, TaskState
+from taskrpc.robot.fleet import FleetManager, FleetSettings, MemoryFleet, MemoryFleetStore
+from taskrpc.robot.tasks import Task, TaskResponse, TaskState
 from taskrpc.testing import VirtualTimeLoop
 
 ROBOTS = {"robot_1": "", "robot_2": "move,report", "robot_3": "scan,move"}

@@ -15,7 +15,7 @@ from taskrpc.cli.task.task_services import TaskRefused, TaskServices
 from taskrpc.cli.task.view import result, work_of
 from taskrpc.node import Node
 from taskrpc.robot import KinematicRobot, default_world
-from taskrpc.tasks import MemoryStore, TaskServer
+from taskrpc.robot.tasks import MemoryStore, TaskServer
 
 SPEED = 4.5
 """Robot seconds per second; the story then takes about twelve seconds."""

@@ -8,11 +8,11 @@ from importlib.metadata import PackageNotFoundError, version
 
 from taskrpc.cli.doctor.checks import Finding, note, ok, problem
 from taskrpc.cli.shared.remote import Remote
+from taskrpc.core.transport import suggestions
+from taskrpc.core.transport.settings import domain_id, environment_peers
+from taskrpc.core.transport.shared_endpoint import TRANSPORTS, registered
 from taskrpc.errors import TaskRpcError
-from taskrpc.transport import suggestions
-from taskrpc.transport.settings import domain_id, environment_peers
-from taskrpc.transport.shared_endpoint import TRANSPORTS, registered
-from taskrpc.transport.zenoh.configuration import (
+from taskrpc.middleware.zenoh.configuration import (
     FILE_VARIABLE,
     OVERRIDE_VARIABLE,
     Configuration,
@@ -76,7 +76,7 @@ def _routers(found: Configuration) -> str:
 
 def _ros(_: Remote) -> Iterator[Finding]:
     """Check whether this Python imports the real rclpy, and which middleware it uses."""
-    from taskrpc.transport.ros.installed import real_rclpy
+    from taskrpc.middleware.ros.installed import real_rclpy
 
     if chosen := os.environ.get("RMW_IMPLEMENTATION"):
         # Before the import: rclpy ends the process if it finds another middleware.

@@ -8,11 +8,11 @@ import sys
 import webbrowser
 from pathlib import Path
 
-from taskrpc.browser_lab.downloads import runtime
-from taskrpc.browser_lab.exercises import exercises
-from taskrpc.browser_lab.server import PORT, LabServer
-from taskrpc.browser_lab.site import site_files
 from taskrpc.cli.shared.command import Exit, UsageError
+from taskrpc.course.browser_lab.downloads import runtime
+from taskrpc.course.browser_lab.exercises import exercises
+from taskrpc.course.browser_lab.server import PORT, LabServer
+from taskrpc.course.browser_lab.site import site_files
 
 
 def view(options: argparse.Namespace) -> int:

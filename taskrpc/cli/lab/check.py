@@ -14,9 +14,9 @@ TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from taskrpc.labs.progress import Progress
-    from taskrpc.labs.report import Graded, Result
-    from taskrpc.labs.sandbox.worker import Request
+    from taskrpc.course.labs.progress import Progress
+    from taskrpc.course.labs.report import Graded, Result
+    from taskrpc.course.labs.sandbox.worker import Request
 
 
 def variant_id(text: str) -> str:
@@ -70,8 +70,8 @@ def run(options: Namespace) -> Exit:
 
 
 def _check_options(options: Namespace) -> None:
-    from taskrpc.labs import catalogue
-    from taskrpc.labs.hidden import hidden_checks
+    from taskrpc.course.labs import catalogue
+    from taskrpc.course.labs.hidden import hidden_checks
 
     if options.number is not None:
         catalogue.lab(options.number)
@@ -99,8 +99,8 @@ def _has_sandbox(options: Namespace) -> bool:
 
     Raises TaskRpcError if those of other people would run without.
     """
+    from taskrpc.course.labs.sandbox import bubblewrap
     from taskrpc.errors import TaskRpcError
-    from taskrpc.labs.sandbox import bubblewrap
 
     reason = bubblewrap.why_not()
     if reason and options.all is not None and not options.trusted:
@@ -121,7 +121,7 @@ def _has_sandbox(options: Namespace) -> bool:
 
 
 def _request(options: Namespace, source: Path, *, confined: bool) -> Request:
-    from taskrpc.labs.sandbox.worker import Request
+    from taskrpc.course.labs.sandbox.worker import Request
 
     hidden = None if options.hidden is None else str(Path(options.hidden).resolve())
     return Request(
@@ -132,8 +132,8 @@ def _request(options: Namespace, source: Path, *, confined: bool) -> Request:
 async def _check_one(options: Namespace) -> Exit:
     import json
 
+    from taskrpc.course.labs import grader, report
     from taskrpc.errors import TaskRpcError
-    from taskrpc.labs import grader, report
 
     def show(result: Result) -> None:
         if not options.json:
@@ -153,8 +153,8 @@ async def _check_one(options: Namespace) -> Exit:
 
 
 def _check_all(options: Namespace) -> Exit:
-    from taskrpc.labs import report
-    from taskrpc.labs.grader import submissions
+    from taskrpc.course.labs import report
+    from taskrpc.course.labs.grader import submissions
 
     sources = submissions(Path(options.all))
     confined = _has_sandbox(options)
@@ -200,7 +200,7 @@ def _check_all(options: Namespace) -> Exit:
 
 def _progress(options: Namespace, sources: list[Path]) -> Progress | None:
     """Return the results of earlier, interrupted runs; None without a file for the table."""
-    from taskrpc.labs.progress import Progress, checksum
+    from taskrpc.course.labs.progress import Progress, checksum
 
     if options.csv in (None, "-"):
         return None
@@ -219,7 +219,7 @@ async def _grade(
     confined: bool,
 ) -> None:
     """Grade submissions; `ready` gets each result when it is there."""
-    from taskrpc.labs.grader import grade_all
+    from taskrpc.course.labs.grader import grade_all
 
     jobs = options.jobs or 2 * (os.cpu_count() or 1)  # most of their time is waiting
 
@@ -231,7 +231,7 @@ async def _grade(
 
 
 def _line_of(one: Graded) -> str:
-    from taskrpc.labs import report
+    from taskrpc.course.labs import report
 
     points = f"{report.number(one.points)} of {report.number(one.most)}"
     stopped = f"  {report.plain(one.stopped)}" if one.stopped else ""

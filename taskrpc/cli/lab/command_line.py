@@ -23,9 +23,9 @@ def configure(parser: ArgumentParser) -> None:
 
 
 def _start(options: Namespace) -> Exit:
-    from taskrpc.labs.catalogue import lab
-    from taskrpc.labs.starter import write_starter
-    from taskrpc.labs.variants import Variant
+    from taskrpc.course.labs.catalogue import lab
+    from taskrpc.course.labs.starter import write_starter
+    from taskrpc.course.labs.variants import Variant
 
     chosen = lab(options.number)
     folder = here()

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from typing import Any
 
 import srvgen
-from taskrpc import names
 from taskrpc.cli.shared.command import NotFound, hinted
+from taskrpc.core import names
+from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.node import Node
-from taskrpc.transport.discovery.entries import RegistryEntry
 
 _STATE = "/get_state"
 _STATE_TYPE = "lifecycle_msgs/srv/GetState"

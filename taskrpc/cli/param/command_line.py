@@ -149,10 +149,10 @@ def _list(options: argparse.Namespace) -> Exit:
 
 
 async def _list_all(options: argparse.Namespace) -> Exit:
-    from taskrpc import names
     from taskrpc.cli.param.param_services import ParamServices, checked_owner, owners
     from taskrpc.cli.shared.graph import entries_of
     from taskrpc.cli.shared.quoting import expanded
+    from taskrpc.core import names
 
     remote = remote_of(options)
     async with remote.node() as node:
@@ -195,7 +195,7 @@ async def _get(options: argparse.Namespace, services: ParamServices) -> Exit:
 
 
 async def _set(options: argparse.Namespace, services: ParamServices) -> Exit:
-    from taskrpc.rclpy.parameter import get_parameter_value
+    from taskrpc.ros.packages.rclpy.parameter import get_parameter_value
 
     names, values = options.pairs[::2], options.pairs[1::2]
     if len(names) != len(values):
@@ -272,7 +272,7 @@ async def _dump(options: argparse.Namespace, services: ParamServices) -> Exit:
 async def _load(options: argparse.Namespace, services: ParamServices) -> Exit:
     import yaml
 
-    from taskrpc.rclpy.parameter import parameter_dict_from_yaml_file
+    from taskrpc.ros.packages.rclpy.parameter import parameter_dict_from_yaml_file
 
     try:
         found = parameter_dict_from_yaml_file(
@@ -302,7 +302,7 @@ async def _load(options: argparse.Namespace, services: ParamServices) -> Exit:
 
 
 def _plain(value: Any) -> Any:
-    from taskrpc.rclpy.parameter import parameter_value_to_python
+    from taskrpc.ros.packages.rclpy.parameter import parameter_value_to_python
 
     found = parameter_value_to_python(value)
     return list(found) if hasattr(found, "tolist") or isinstance(found, tuple) else found

@@ -1,5 +1,5 @@
 """`taskrpc pkg`: finds and creates packages, as `ros2 pkg` does.
 
-Start with `command_line`; `create` writes a new package. `taskrpc.colcon` determines the contents
-of its files.
+Start with `command_line`; `create` writes a new package. `taskrpc.ros.colcon` determines the
+contents of its files.
 """

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taskrpc.cli.shared.command import Exit
-from taskrpc.colcon.cmake_package import cmake_files
-from taskrpc.colcon.manifest import Manifest, checked_name
-from taskrpc.colcon.python_package import hello_node, python_files
-from taskrpc.colcon.writing import LICENSES, license_text, maintainer, write
 from taskrpc.errors import TaskRpcError
+from taskrpc.ros.colcon.cmake_package import cmake_files
+from taskrpc.ros.colcon.manifest import Manifest, checked_name
+from taskrpc.ros.colcon.python_package import hello_node, python_files
+from taskrpc.ros.colcon.writing import LICENSES, license_text, maintainer, write
 
 if TYPE_CHECKING:
     from argparse import Namespace

@@ -22,7 +22,7 @@ def _run(options: argparse.Namespace) -> int:
     try:
         import zenoh  # noqa: F401
     except ModuleNotFoundError:
-        from taskrpc.security.installing import install_command
+        from taskrpc.core.security.installing import install_command
 
         command = install_command("zenoh", "eclipse-zenoh")
         problem = f"taskrpc router needs eclipse-zenoh: {command}"
@@ -34,9 +34,9 @@ def _run(options: argparse.Namespace) -> int:
 
 async def _serve(listen: str) -> int:
     """Serve until the process gets a signal; returns the signal's number."""
+    from taskrpc.middleware.zenoh.configuration import is_loopback, locator, router_configuration
+    from taskrpc.middleware.zenoh.session import open_session
     from taskrpc.program import stop_requested
-    from taskrpc.transport.zenoh.configuration import is_loopback, locator, router_configuration
-    from taskrpc.transport.zenoh.session import open_session
 
     place = locator(listen)
     async with stop_requested() as stopped:

@@ -14,8 +14,8 @@ from taskrpc.cli.shared.command import Exit
 
 if TYPE_CHECKING:
     from taskrpc.cli.scene.screen import Screen
-    from taskrpc.scenes.moments import Moment
-    from taskrpc.scenes.scene import Scene
+    from taskrpc.course.scenes.moments import Moment
+    from taskrpc.course.scenes.scene import Scene
 
 
 def configure(parser: ArgumentParser) -> None:
@@ -41,7 +41,7 @@ def configure(parser: ArgumentParser) -> None:
 def _run(options: Namespace) -> int:
     from taskrpc.cli.scene.screen import Screen
     from taskrpc.cli.shared.command import UsageError
-    from taskrpc.scenes.catalogue import SCENES, scene
+    from taskrpc.course.scenes.catalogue import SCENES, scene
 
     if options.page:
         return _serve(options)
@@ -72,7 +72,7 @@ def _serve(options: Namespace) -> int:
     """Serve the page of the scenes until Ctrl-C."""
     from taskrpc.cli.scene.page import serve  # needs aiohttp
     from taskrpc.cli.shared.command import UsageError
-    from taskrpc.scenes.catalogue import scene
+    from taskrpc.course.scenes.catalogue import scene
 
     if options.cure or options.code or options.like_ros:
         raise UsageError("--page has buttons for --cure and --like-ros: leave these options out")
@@ -82,7 +82,7 @@ def _serve(options: Namespace) -> int:
 
 def _show(scene: Scene, screen: Screen, *, cure: bool, like_ros: bool) -> None:
     """Show one program of a scene while it runs."""
-    from taskrpc.scenes.player import excerpt, program_path
+    from taskrpc.course.scenes.player import excerpt, program_path
 
     program = program_path(scene, cure=cure).read_text(encoding="utf-8")
     _print(screen.title(scene, cure=cure, like_ros=like_ros))
@@ -93,7 +93,7 @@ def _show(scene: Scene, screen: Screen, *, cure: bool, like_ros: bool) -> None:
 
 async def _play(scene: Scene, screen: Screen, *, cure: bool, like_ros: bool) -> None:
     """Run a program and print what happens; if nobody reads the output, end the program."""
-    from taskrpc.scenes.player import play
+    from taskrpc.course.scenes.player import play
 
     news: asyncio.Queue[Moment | None] = asyncio.Queue()
     playing = asyncio.create_task(play(scene, news.put_nowait, cure=cure, like_ros=like_ros))
@@ -108,8 +108,8 @@ async def _play(scene: Scene, screen: Screen, *, cure: bool, like_ros: bool) -> 
 
 
 def _print_program(scene: Scene, screen: Screen, *, cure: bool) -> None:
-    from taskrpc.scenes.player import excerpt, program_path
-    from taskrpc.scenes.scene import Line
+    from taskrpc.course.scenes.player import excerpt, program_path
+    from taskrpc.course.scenes.scene import Line
 
     path = program_path(scene, cure=cure)
     program = path.read_text(encoding="utf-8")

@@ -11,15 +11,15 @@ from taskrpc.errors import CannotListen, TaskRpcError
 from taskrpc.program import run, stop_requested
 
 try:
-    from taskrpc.web.server import LivePage, WebServer
+    from taskrpc.observe.web.server import LivePage, WebServer
 except ModuleNotFoundError as error:
     if error.name and error.name.startswith("taskrpc"):
         raise
     raise TaskRpcError(f"--page needs {error.name}: pip install aiohttp") from None
 
-from taskrpc.scenes.page import OwnTokens, ScenePage, scene_files
-from taskrpc.web.pages import static_files
-from taskrpc.web.streams import LiveStream
+from taskrpc.course.scenes.page import OwnTokens, ScenePage, scene_files
+from taskrpc.observe.web.pages import static_files
+from taskrpc.observe.web.streams import LiveStream
 
 PORT = 8738
 """The usual port: always the same one, so that links on slides stay valid."""

@@ -6,8 +6,8 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from taskrpc.scenes.moments import NETWORK, PROGRAM, ROBOT, TASKRPC, Moment
-from taskrpc.scenes.scene import Line, Scene
+from taskrpc.course.scenes.moments import NETWORK, PROGRAM, ROBOT, TASKRPC, Moment
+from taskrpc.course.scenes.scene import Line, Scene
 
 MOST_COLUMNS = 88
 """Columns of the text, also on a wider terminal: a class reads short lines."""

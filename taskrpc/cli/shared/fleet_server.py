@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 from taskrpc.cli.shared.command import UsageError
 
 if TYPE_CHECKING:
-    from taskrpc.fleet import FleetServer, FleetStore
     from taskrpc.node import Node
+    from taskrpc.robot.fleet import FleetServer, FleetStore
     from taskrpc.robot.protocol import Robot
 
 log = logging.getLogger("taskrpc.fleet")
@@ -68,7 +68,7 @@ def check(options: argparse.Namespace) -> None:
             f" letter, got {options.robot_name!r}"
         )
     if options.capabilities is not None:
-        from taskrpc.fleet.model import Capabilities
+        from taskrpc.robot.fleet.model import Capabilities
 
         try:
             if not options.capabilities.strip():
@@ -81,10 +81,10 @@ def check(options: argparse.Namespace) -> None:
 def store_of(options: argparse.Namespace) -> FleetStore:
     """Return the store of `--db`. Raises TaskRpcError for a wrong URL, and without psycopg."""
     # First the module that explains how to install psycopg.
-    from taskrpc.fleet import postgres_connection  # noqa: F401
-    from taskrpc.fleet.postgres_store import PostgresStore
+    from taskrpc.robot.fleet import postgres_connection  # noqa: F401
+    from taskrpc.robot.fleet.postgres_store import PostgresStore
 
-    # psycopg warns about each lost connection with an object's address; taskrpc.fleet says why.
+    # psycopg warns about each lost connection with an object's address; the fleet says why.
     logging.getLogger("psycopg").setLevel(logging.ERROR)
     store = PostgresStore(options.db)
     if store.url.has_password:
@@ -99,7 +99,7 @@ def make_server(
     options: argparse.Namespace, node: Node, robot: Robot, store: FleetStore
 ) -> FleetServer:
     """Return the server of a fleet that these options describe."""
-    from taskrpc.fleet import FleetServer, FleetSettings
+    from taskrpc.robot.fleet import FleetServer, FleetSettings
 
     settings = FleetSettings(
         name=options.robot_name or default_name(),

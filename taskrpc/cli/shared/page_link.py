@@ -12,10 +12,10 @@ from operator import itemgetter
 
 import msgspec
 
-from taskrpc import platform
-from taskrpc.transport.discovery.registry import domain_folder
-from taskrpc.transport.settings import domain_id
-from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
+from taskrpc.core import platform
+from taskrpc.core.transport.discovery.registry import domain_folder
+from taskrpc.core.transport.settings import domain_id
+from taskrpc.core.transport.tcp.tcp_network import is_loopback, split_place
 
 _LONGEST = 65_536
 """Bytes of the longest file that is read."""

@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from taskrpc import names
-from taskrpc.transport import suggestions
-from taskrpc.transport.discovery.entries import RegistryEntry
+from taskrpc.core import names
+from taskrpc.core.transport import suggestions
+from taskrpc.core.transport.discovery.entries import RegistryEntry
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from taskrpc import names
 from taskrpc.cli.shared.command import hinted
+from taskrpc.core import names
 from taskrpc.errors import InvalidName, InvalidRequest
 
 _CURLY = "\u201c\u201d\u201e\u2018\u2019\u201a"

@@ -7,9 +7,9 @@ from pathlib import Path
 
 from taskrpc.cli.shared.command import UsageError
 from taskrpc.cli.shared.remote import called_lab
-from taskrpc.security.lab import robot_namespace
-from taskrpc.transport.discovery.registry import Registry
-from taskrpc.transport.settings import domain_id
+from taskrpc.core.security.lab import robot_namespace
+from taskrpc.core.transport.discovery.registry import Registry
+from taskrpc.core.transport.settings import domain_id
 
 _SINGLE = {
     "record": "--record records one robot",

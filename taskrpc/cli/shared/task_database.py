@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from taskrpc import platform
 from taskrpc.cli.shared.robots import suffix_of
-from taskrpc.transport.settings import domain_id
+from taskrpc.core import platform
+from taskrpc.core.transport.settings import domain_id
 
 
 def default_database(namespace: str = "/") -> Path:

@@ -8,10 +8,10 @@ from typing import Any
 import yaml
 
 from srvgen import FieldError
-from taskrpc import yaml_text
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import hinted
 from taskrpc.cli.shared.quoting import NotAMapping, not_populated
+from taskrpc.core import yaml_text
 from taskrpc.errors import InvalidRequest
 
 _MERGE = "tag:yaml.org,2002:merge"

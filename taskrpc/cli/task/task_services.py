@@ -7,11 +7,11 @@ from collections.abc import AsyncGenerator, Callable
 from typing import Any, NamedTuple
 
 import srvgen
-from taskrpc import names
 from taskrpc.cli.shared.command import NotFound
 from taskrpc.cli.shared.graph import why_unavailable
 from taskrpc.cli.shared.remote import HERE, Remote
 from taskrpc.client import Client
+from taskrpc.core import names
 from taskrpc.errors import (
     Code,
     ConnectionLost,

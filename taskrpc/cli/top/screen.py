@@ -14,9 +14,9 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from taskrpc import platform
 from taskrpc.cli.top.model import View
 from taskrpc.cli.top.picture import ASCII, UNICODE, Line, Role, picture
+from taskrpc.core import platform
 
 _STYLES = {
     Role.PLAIN: "",

@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from operator import attrgetter, itemgetter
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from taskrpc import platform
 from taskrpc.cli.shared.command import hinted
 from taskrpc.cli.shared.quoting import NotAMapping
 from taskrpc.cli.shared.values import from_fields, read_fields
+from taskrpc.core import platform
 from taskrpc.errors import InvalidRequest, TaskRpcError
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def documents(path: str) -> list[str]:
     """Return the YAML documents of a file as texts, without empty ones. Raises TaskRpcError."""
     import yaml
 
-    from taskrpc import yaml_text
+    from taskrpc.core import yaml_text
 
     try:
         text = platform.read_text(path)

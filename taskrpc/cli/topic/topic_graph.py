@@ -6,13 +6,13 @@ import json
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, TypeAlias
 
-from taskrpc import names
 from taskrpc.cli.shared import graph, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
 from taskrpc.cli.shared.parsing import print_names
 from taskrpc.cli.shared.remote import remote_of
-from taskrpc.transport.discovery.entries import RegistryEntry
-from taskrpc.wire.messages import TopicEndpoint
+from taskrpc.core import names
+from taskrpc.core.transport.discovery.entries import RegistryEntry
+from taskrpc.core.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
     import argparse

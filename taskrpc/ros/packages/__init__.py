@@ -2,5 +2,5 @@
 
 Programs import them under these names; the import hook finds them. A real package of the same name
 takes precedence. `taskrpc.ros.bundled` lists what `taskrpc run PACKAGE EXECUTABLE` starts.
-The API of rclpy is not here, but in `taskrpc.rclpy`; definitions of messages are in `srvgen`.
+Definitions of messages are in `srvgen`.
 """

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from rclpy.serialization import deserialize_message, serialize_message
 
 import srvgen
-from taskrpc.transport.ros.conversion import from_ros, to_ros
-from taskrpc.transport.ros.definitions import message_of_ros, service_of_ros
-from taskrpc.transport.ros.installed import ros_class
+from taskrpc.middleware.ros.conversion import from_ros, to_ros
+from taskrpc.middleware.ros.definitions import message_of_ros, service_of_ros
+from taskrpc.middleware.ros.installed import ros_class
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")
 

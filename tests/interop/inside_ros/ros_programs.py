@@ -231,8 +231,8 @@ async def test_package_that_ros_has_not_built_works_between_taskrpc_programs(sta
 
 
 async def test_call_made_at_once_waits_until_dds_finds_the_server(stack, peer, monkeypatch):
-    monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE", 0.0)
-    monkeypatch.setattr("taskrpc.transport.ros.ros_engine.SETTLE_ALONE", 0.0)
+    monkeypatch.setattr("taskrpc.middleware.ros.ros_engine.SETTLE", 0.0)
+    monkeypatch.setattr("taskrpc.middleware.ros.ros_engine.SETTLE_ALONE", 0.0)
     peer("serve")
     client = (await node(stack)).create_client(Trigger, "/ros_hello")
     assert not client.service_is_ready()

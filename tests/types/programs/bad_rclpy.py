@@ -1,8 +1,8 @@
 """The same mistakes with rclpy's names."""
 
 import srvgen
-from taskrpc import rclpy
-from taskrpc.rclpy.node import Node
+from taskrpc.ros.packages import rclpy
+from taskrpc.ros.packages.rclpy.node import Node
 
 srvgen.install_import_hook()
 
@@ -45,4 +45,4 @@ def main(node: Node) -> None:
     # pyright reports: …"Spot" is incompatible with protocol "Srv…
     rclpy.spin_onse(node)
     # mypy reports: Module has no attribute "spin_onse"; maybe "spin_once"?
-    # pyright reports: "spin_onse" is not a known attribute of module "taskrpc.rclpy"
+    # pyright reports: "spin_onse" is not a known attribute of module "taskrpc.ros.packages.rclpy"

@@ -1,9 +1,9 @@
 """rclpy's names: nodes as tutorials write them."""
 
 import srvgen
-from taskrpc import rclpy
-from taskrpc.rclpy.node import Node
-from taskrpc.rclpy.publisher import Publisher
+from taskrpc.ros.packages import rclpy
+from taskrpc.ros.packages.rclpy.node import Node
+from taskrpc.ros.packages.rclpy.publisher import Publisher
 
 srvgen.install_import_hook()
 

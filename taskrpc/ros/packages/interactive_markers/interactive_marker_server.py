@@ -17,7 +17,7 @@ from visualization_msgs.msg import (
 from visualization_msgs.srv import GetInteractiveMarkers
 
 if TYPE_CHECKING:
-    from taskrpc.rclpy.duration import Duration
+    from taskrpc.ros.packages.rclpy.duration import Duration
 else:
     from rclpy.duration import Duration
 

@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from taskrpc.platform import stop_signals
+from taskrpc.core.platform import stop_signals
 
 from .event import Event
 from .event_handlers import OnIncludeLaunchDescription, OnShutdown

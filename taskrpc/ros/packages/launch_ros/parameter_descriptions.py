@@ -18,7 +18,7 @@ from launch.substitution import (
 )
 from launch.utilities.type_utils import perform_typed_substitution
 
-from taskrpc.yaml_text import load
+from taskrpc.core.yaml_text import load
 
 
 class ParameterValue:

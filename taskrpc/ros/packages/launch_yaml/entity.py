@@ -8,7 +8,7 @@ import yaml
 from launch.frontend.entity import Entity as _Entity
 from launch.launch_description_source import InvalidLaunchFileError
 
-from taskrpc.yaml_text import load, message
+from taskrpc.core.yaml_text import load, message
 
 _CHILDREN = "children"
 

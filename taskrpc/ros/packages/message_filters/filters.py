@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 from . import matching
 
 if TYPE_CHECKING:
-    from taskrpc.rclpy.clock import ROSClock
-    from taskrpc.rclpy.duration import Duration
-    from taskrpc.rclpy.logging import get_logger
-    from taskrpc.rclpy.time import Time
+    from taskrpc.ros.packages.rclpy.clock import ROSClock
+    from taskrpc.ros.packages.rclpy.duration import Duration
+    from taskrpc.ros.packages.rclpy.logging import get_logger
+    from taskrpc.ros.packages.rclpy.time import Time
 else:
     from rclpy.clock import ROSClock
     from rclpy.duration import Duration

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 from .filters import SimpleFilter
 
 if TYPE_CHECKING:
-    from taskrpc.rclpy.duration import Duration
-    from taskrpc.rclpy.time import Time
+    from taskrpc.ros.packages.rclpy.duration import Duration
+    from taskrpc.ros.packages.rclpy.time import Time
 else:
     from rclpy.duration import Duration
     from rclpy.time import Time

@@ -1,7 +1,7 @@
 """Writes and reads bags, the recordings of ROS 2, with the classes of the package `rosbag2_py`.
 
 `writer` and `reader` have the classes that programs use, `storage` the descriptions that both take
-and the file metadata.yaml. The format MCAP itself is in `taskrpc.recording.mcap_file`. Only
+and the file metadata.yaml. The format MCAP itself is in `taskrpc.observe.recording.mcap_file`. Only
 programs import this package.
 """
 

@@ -9,8 +9,8 @@ from pathlib import Path
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from taskrpc.recording.mcap_file import Message, Topic
-from taskrpc.recording.sqlite_file import open_recording
+from taskrpc.observe.recording.mcap_file import Message, Topic
+from taskrpc.observe.recording.sqlite_file import open_recording
 
 from .storage import (
     METADATA,

@@ -14,8 +14,8 @@ from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 
+from taskrpc.observe.recording.mcap_file import RecordingError, one_line, qos_from, qos_text
 from taskrpc.qos import QoS
-from taskrpc.recording.mcap_file import RecordingError, one_line, qos_from, qos_text
 
 METADATA = "metadata.yaml"
 """The file of a bag that describes the others."""

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import srvgen
 from srvgen.classes.loader import search
-from taskrpc.recording.mcap_file import RecordingError, RecordingWriter, one_line
-from taskrpc.recording.schemas import is_event, schema_text
+from taskrpc.observe.recording.mcap_file import RecordingError, RecordingWriter, one_line
+from taskrpc.observe.recording.schemas import is_event, schema_text
 
 from .storage import (
     METADATA,

@@ -8,7 +8,7 @@ import logging
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from taskrpc.yaml_text import load
+from taskrpc.core.yaml_text import load
 
 from ..action import Action
 from ..event import Event

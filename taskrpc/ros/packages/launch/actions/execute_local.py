@@ -8,7 +8,7 @@ import signal
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from taskrpc.platform import reason_of
+from taskrpc.core.platform import reason_of
 from taskrpc.ros.process_tree import ProcessTree
 
 from ..action import Action

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from taskrpc.yaml_text import load
+from taskrpc.core.yaml_text import load
 
 from ..launch_context import LaunchContext
 from ..substitution import (

@@ -17,8 +17,8 @@ from launch.substitution import (
 from launch.substitutions import LaunchConfiguration
 from launch_ros.parameter_descriptions import temporary_file
 
-from taskrpc.platform import reason_of
-from taskrpc.yaml_text import load, message
+from taskrpc.core.platform import reason_of
+from taskrpc.core.yaml_text import load, message
 
 from ..rewriting import rewritten
 

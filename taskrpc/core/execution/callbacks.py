@@ -1,0 +1,245 @@
+"""Runs the callbacks of subscriptions and timers, one call at a time, and provides threads."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import logging
+import threading
+from collections.abc import Awaitable, Callable
+from concurrent.futures import Executor, Future
+from functools import partial
+from queue import SimpleQueue
+from types import FunctionType, MethodType
+from typing import Any, TypeAlias
+
+from taskrpc.core.execution.eager_start import EagerStarter
+
+log = logging.getLogger("taskrpc.callbacks")
+
+Callback: TypeAlias = Callable[..., Any]
+"""Plain or async; its return value is ignored."""
+
+HOLDS_LOOP_AFTER = 0.25
+"""Seconds on the event loop after which a warning names the callback."""
+
+
+class CallbackRunner:
+    """Calls one callback, at most once at a time, and logs its exceptions.
+
+    A plain callback runs on the event loop, or with `threaded` in a thread of its own. `idle` is
+    called at the end of each call that outlasts `run`. `description` names the callback in logs
+    and errors.
+
+    Raises TypeError for a callback that does not take one argument for each name in `parameters`.
+    """
+
+    def __init__(
+        self,
+        callback: Callback,
+        description: str,
+        *parameters: str,
+        threaded: bool,
+        idle: Callable[[], object],
+    ) -> None:
+        check_callback(callback, description, parameters)
+        self.busy = False
+        """Whether a call runs."""
+        self.spent = 0.0
+        """Seconds for which plain calls have held the loop since this was last set to 0."""
+        self._callback = callback
+        self._description = description
+        self._idle = idle
+        self._loop = asyncio.get_running_loop()
+        self._starter = EagerStarter(self._loop, self._held)
+        self._threads = DaemonThreads(1, f"taskrpc {description}") if threaded else None
+        self._job: asyncio.Future[Any] | None = None
+        """The call that runs, if it outlasts `run`."""
+        self._warned = False
+        """Whether the log has the warning about a slow callback."""
+
+    def run(self, *arguments: Any) -> None:
+        """Call the callback; only allowed while `busy` is False."""
+        self.busy = True
+        if self._threads is not None:
+            callback = self._callback
+            job = self._loop.run_in_executor(
+                self._threads, lambda: run_to_end(callback, *arguments)
+            )
+            self._await(job)
+            return
+        began = self._loop.time()
+        try:
+            result = self._callback(*arguments)
+            if hasattr(result, "__await__"):
+                coroutine = result if inspect.iscoroutine(result) else as_coroutine(result)
+                self._await(self._starter.start(_nothing, coroutine))
+                return
+        except StopIteration:
+            pass
+        except BaseException as error:
+            self._raised(error)
+        seconds = self._loop.time() - began
+        self.spent += seconds
+        self._held(seconds)
+        self.busy = False
+
+    def close(self) -> None:
+        """Cancel the running call, unless that call itself calls `close`; allow no further call."""
+        if self._job is not None and self._job is not asyncio.current_task():
+            self._job.cancel()
+        self._starter.close()
+        if self._threads is not None:
+            self._threads.shutdown()
+
+    def _await(self, job: asyncio.Future[Any]) -> None:
+        self._job = job
+        job.add_done_callback(self._ended)
+
+    def _ended(self, job: asyncio.Future[Any]) -> None:
+        self._job = None
+        self.busy = False
+        if not job.cancelled() and (error := job.exception()) is not None:
+            self._raised(error)
+        self._idle()
+
+    def _raised(self, error: BaseException) -> None:
+        if isinstance(error, SystemExit | KeyboardInterrupt):
+            # In a separate iteration of the loop: uvloop ignores exceptions in a protocol.
+            self._loop.call_soon(end_program, error)
+        else:
+            log.error("%s failed:", self._description, exc_info=error)
+
+    def _held(self, seconds: float) -> None:
+        if seconds > HOLDS_LOOP_AFTER and not self._warned:
+            self._warned = True
+            log.warning(
+                "%s held the event loop for %.2f s, so that nothing else ran; let it await"
+                " instead of blocking, or use taskrpc.sync",
+                self._description,
+                seconds,
+            )
+
+
+async def as_coroutine(awaitable: Awaitable[Any]) -> Any:
+    """Return a coroutine that awaits any awaitable."""
+    return await awaitable
+
+
+def end_program(error: BaseException) -> None:
+    """Raise SystemExit or KeyboardInterrupt; call it from the loop, which then ends."""
+    raise error
+
+
+def run_to_end(callback: Callback, *arguments: Any) -> Any:
+    """Call a callback in a thread; one that is async runs in an event loop of its own."""
+    try:
+        result = callback(*arguments)
+        return asyncio.run(result) if inspect.iscoroutine(result) else result
+    except StopIteration as error:
+        # A future cannot hold StopIteration; generators turn it into the same error.
+        raise RuntimeError("the callback raised StopIteration") from error
+
+
+def check_callback(callback: Callback, description: str, parameters: tuple[str, ...]) -> None:
+    """Raise TypeError for a callback that does not take one argument for each parameter's name."""
+    if problem := problem_of_callback(callback, description, parameters):
+        raise TypeError(problem)
+
+
+def problem_of_callback(callback: Any, description: str, parameters: tuple[str, ...]) -> str:
+    """Return why a callback cannot be called with an argument for each name, "" if it can."""
+    if _is_plain(callback, len(parameters)):
+        return ""
+    taken = ", ".join(parameters) or "nothing"
+    expected = f"{description}: expected a function that takes {taken}, got"
+    if not callable(callback):
+        return f"{expected} {callback!r}"
+    if hasattr(callback, "__signature__"):  # what a decorator publishes, not what it takes
+        return ""
+    try:
+        # A decorator may add arguments, so that the decorated function takes others.
+        signature = inspect.signature(callback, follow_wrapped=False)
+    except (TypeError, ValueError):  # some built-in functions have no signature
+        return ""
+    try:
+        signature.bind(*parameters)
+    except TypeError as error:
+        name = getattr(callback, "__qualname__", repr(callback))
+        return f"{expected} {name}{signature}{_place_of(callback)}: {error}"
+    return ""
+
+
+def _is_plain(callback: Any, count: int) -> bool:
+    """Whether a callback is a function or method with so many parameters; `signature` is slow."""
+    if type(callback) is MethodType:
+        callback, count = callback.__func__, count + 1
+    if type(callback) is not FunctionType:
+        return False
+    return bool(callback.__code__.co_argcount == count and not callback.__code__.co_kwonlyargcount)
+
+
+def _place_of(callback: Callback) -> str:
+    """Where a callback is defined: ` at FILE:LINE`, "" if unknown."""
+    function: Any = callback
+    while isinstance(function, partial):
+        function = function.func
+    if not hasattr(function, "__code__"):
+        function = getattr(function, "__func__", None) or type(function).__call__
+    code = getattr(inspect.unwrap(function), "__code__", None)
+    return f" at {code.co_filename}:{code.co_firstlineno}" if code is not None else ""
+
+
+def _nothing() -> None:
+    """Prepare nothing: a callback of a subscription or timer has no call context."""
+
+
+_Job: TypeAlias = "tuple[Future[Any], Callable[[], Any]]"
+
+
+class DaemonThreads(Executor):
+    """Runs jobs in up to `count` daemon threads, which start when they are first needed.
+
+    Its threads do not delay the end of the program. The standard library's pool waits for its
+    threads: a callback that waits for a key or a robot would keep a stopped server alive.
+    """
+
+    def __init__(self, count: int, name: str) -> None:
+        self._count = count
+        self._name = name
+        self._jobs: SimpleQueue[_Job | None] = SimpleQueue()
+        self._idle = threading.Semaphore(0)
+        self._threads = 0
+        """How many threads have started."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Run a function as soon as a thread is free; returns a future of its result."""
+        future: Future[Any] = Future()
+        self._jobs.put((future, lambda: fn(*args, **kwargs)))
+        if not self._idle.acquire(blocking=False) and self._threads < self._count:
+            self._threads += 1
+            name = f"{self._name} {self._threads}"
+            threading.Thread(target=self._work, name=name, daemon=True).start()
+        return future
+
+    def shutdown(self, wait: bool = False, *, cancel_futures: bool = False) -> None:
+        """Let the threads end after the submitted jobs, without waiting for them."""
+        for _ in range(self._threads):
+            self._jobs.put(None)
+
+    def _work(self) -> None:
+        while (job := self._jobs.get()) is not None:
+            _run(*job)
+            del job  # else its request would stay in memory until the next job
+            self._idle.release()
+
+
+def _run(future: Future[Any], work: Callable[[], Any]) -> None:
+    if not future.set_running_or_notify_cancel():
+        return
+    try:
+        result = work()
+    except BaseException as error:
+        future.set_exception(error)
+    else:
+        future.set_result(result)

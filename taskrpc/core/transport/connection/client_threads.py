@@ -1,0 +1,242 @@
+"""Calls from threads: the calling thread sends the request, the event loop reads the response.
+
+If the event loop sent the request, waking it would cost more than the call. So the calling thread
+writes to the socket itself if no other output is pending, under a lock that the event loop
+takes too. The event loop reads the response and wakes the thread directly.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from taskrpc.core.transport.base import OnDone
+from taskrpc.core.transport.connection.client_side import CallingConnection, OpenCall, time_left
+from taskrpc.core.transport.connection.connection import Owner
+from taskrpc.core.transport.connection.threads import ThreadSocket
+from taskrpc.core.wire.frames import LARGE, NO_DEADLINE
+from taskrpc.core.wire.handshake import Identity
+from taskrpc.core.wire.messages import Resolve
+from taskrpc.core.wire.session import LAST_CALL_ID, Session
+
+_SLICE = 0.1
+"""Seconds of one wait on a lock: on Windows, Ctrl-C interrupts a wait only at its end."""
+
+
+class Waiter:
+    """The future of an `OpenCall` for which a thread waits."""
+
+    __slots__ = ("_cancelled", "_done", "_error", "_result", "_sleep", "call")
+
+    call: OpenCall
+
+    def __init__(self) -> None:
+        self._sleep = threading.Lock()
+        """Locked until the call ends; the waiting thread acquires it."""
+        self._sleep.acquire()
+        self._done = False
+        self._cancelled = False
+        self._result: Any = None
+        self._error: BaseException | None = None
+
+    def done(self) -> bool:
+        """Whether the call has ended for its caller."""
+        return self._done
+
+    def cancelled(self) -> bool:
+        """Whether the waiting thread was interrupted."""
+        return self._cancelled
+
+    def cancel(self) -> None:
+        """Cancel the call; its response is dropped."""
+        self._done = self._cancelled = True
+        self.call.connection.owner.loop.call_soon_threadsafe(self.call.cancel)
+
+    def set_result(self, result: Any) -> None:
+        """Wake the thread with a response."""
+        if not self._done:
+            self._result = result
+            self._done = True
+            self._sleep.release()
+
+    def set_exception(self, error: BaseException) -> None:
+        """Wake the thread with an error."""
+        self._error = error
+        self._done = True
+        self._sleep.release()
+
+    def wait(self) -> Any:
+        """Sleep until the call has ended; returns the response or raises the error."""
+        try:
+            if sys.platform == "win32":
+                while not self._sleep.acquire(timeout=_SLICE):
+                    pass
+            else:
+                self._sleep.acquire()
+        except BaseException:  # Ctrl-C
+            self.cancel()
+            raise
+        if self._error is not None:
+            raise self._error
+        return self._result
+
+
+class CallbackWaiter:
+    """The future of an `OpenCall` with a function to call at its end.
+
+    `on_done(response, error)` is called once, on the event loop's thread; one of the two is None.
+    """
+
+    __slots__ = ("_cancelled", "_done", "_on_done", "call")
+
+    call: OpenCall | None
+    """None once the call has ended: a reference cycle would delay freeing it."""
+
+    def __init__(self, on_done: OnDone) -> None:
+        self._on_done = on_done
+        self._done = False
+        self._cancelled = False
+
+    def done(self) -> bool:
+        """Whether the call has ended for its caller."""
+        return self._done
+
+    def cancelled(self) -> bool:
+        """Whether the caller cancelled the call."""
+        return self._cancelled
+
+    def cancel(self) -> None:
+        """Cancel the call; its response is dropped."""
+        call = self.call
+        if not self._done and call is not None:
+            self._done = self._cancelled = True
+            call.connection.owner.loop.call_soon_threadsafe(call.cancel)
+
+    def set_result(self, result: Any) -> None:
+        """Report the response."""
+        if not self._done:
+            self._done = True
+            self.call = None
+            self._on_done(result, None)
+
+    def set_exception(self, error: BaseException) -> None:
+        """Report an error."""
+        if not self._done:
+            self._done = True
+            self.call = None
+            self._on_done(None, error)
+
+
+class ThreadedConnection(CallingConnection):
+    """A calling connection that other threads than the event loop's may use."""
+
+    __slots__ = ("_lock", "_thread_socket")
+
+    def __init__(self, owner: Owner, me: Identity, on_advertised: Callable[[], object]) -> None:
+        self._thread_socket = ThreadSocket()
+        self._lock = self._thread_socket.lock
+        """The lock for the session and for writing."""
+        super().__init__(owner, me, on_advertised)
+
+    def begin_in_thread(self, call: OpenCall) -> bool:
+        """Send a call from the calling thread; False if only the event loop can begin it."""
+        # Does the same as `begin`, but writes to the socket itself; a test compares both.
+        session, deadline = self.session, call.deadline
+        with self._lock:
+            left = NO_DEADLINE if deadline is None else time_left(deadline, time.monotonic())
+            if left <= 0 or not self._is_free(len(call.body)):
+                return False
+            call.call_id = session.request(call, call.method, call.body, left, call.flags)
+            if not call.call_id:
+                return False
+            if call.call_id >= LAST_CALL_ID:
+                self.epoch += 1
+            self._thread_socket.write(self, b"".join(session.take()))
+        if deadline is not None and deadline < self.check_before:
+            self.owner.loop.call_soon_threadsafe(self.watch, deadline)
+        return True
+
+    # Called on the event loop
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Begin: asyncio has connected the transport."""
+        self._thread_socket.open(transport)
+        super().connection_made(transport)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """End: the transport is closed."""
+        with self._lock:
+            self._thread_socket.close()
+            super().connection_lost(exc)
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Handle bytes that asyncio has read into the buffer."""
+        with self._lock:
+            super().buffer_updated(nbytes)
+
+    def begin(self, call: OpenCall) -> None:
+        """Send a call, or queue it."""
+        with self._lock:
+            super().begin(call)
+
+    def resolve(
+        self, question: Resolve, deadline: float | None, *, definition: bool = False
+    ) -> OpenCall:
+        """Ask for a service, or for a listing."""
+        with self._lock:
+            return super().resolve(question, deadline, definition=definition)
+
+    def say(self, action: Callable[[Session], object]) -> None:
+        """Let `action` send frames other than those of a call."""
+        with self._lock:
+            super().say(action)
+
+    def forget(self, call: OpenCall, *, await_outcome: bool = False) -> None:
+        """Cancel a call; with `await_outcome`, the server's answer still reaches it."""
+        with self._lock:
+            super().forget(call, await_outcome=await_outcome)
+
+    def resume_writing(self) -> None:
+        """Send the queued calls: the server has read what was written."""
+        with self._lock:
+            super().resume_writing()
+
+    def expiring(self) -> Iterable[OpenCall]:
+        """The calls that wait for a response, and those that wait to be sent."""
+        with self._lock:
+            return super().expiring()
+
+    def tick(self, now: float) -> None:
+        """Check for silent and stalled peers."""
+        with self._lock:
+            super().tick(now)
+
+    def flush(self) -> None:
+        """Write the session's output, after the rest of a thread's write."""
+        direct = self._thread_socket
+        with self._lock:
+            writes = self.session.out or not direct.is_whole or not direct.is_idle
+            if not direct.is_whole:
+                direct.write_rest(self.transport)
+            super().flush()
+            if writes and (transport := self.transport) is not None:
+                direct.is_idle = not transport.get_write_buffer_size()
+
+    def _is_free(self, size: int) -> bool:
+        """Whether a request may be written now: no other output is pending."""
+        session, direct = self.session, self._thread_socket
+        return (
+            direct.is_open
+            and self.transport is not None
+            and size < LARGE
+            and size <= session.body_limit
+            and direct.is_whole
+            and direct.is_idle
+            and not self.owner.behind
+            and not self.holds_back
+            and not session.out
+        )

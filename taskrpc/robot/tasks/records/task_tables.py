@@ -1,0 +1,197 @@
+"""The tables of the task server's SQLite file: create, upgrade, read and write them."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+import msgspec
+
+from taskrpc.core.exactly_once.completions import (
+    FORGET,
+    SAVE,
+    SETTLE,
+    CompletionBatch,
+    as_json,
+    create_completion_table,
+    delete_completions,
+    read_completions,
+)
+from taskrpc.core.request_ids.ids import ClientKey, Completion
+from taskrpc.core.storage.database import (
+    Database,
+    create_store,
+    pragma,
+    read_store_id,
+    replace_store_id,
+)
+from taskrpc.core.storage.records import Damaged, read_records, with_checksum
+from taskrpc.core.storage.table_checks import refuse_other_tables
+from taskrpc.errors import StoreError
+from taskrpc.robot.tasks.model import Task
+from taskrpc.robot.tasks.records.store import Stored
+
+FORMAT = 2
+"""The version of the file's layout, kept in `PRAGMA user_version`."""
+_APPLICATION_ID = 0x54525043  # "TRPC"; marks our files among other SQLite databases
+
+_TABLES = (
+    """
+    CREATE TABLE task (
+        task_id INTEGER PRIMARY KEY, record TEXT NOT NULL, checksum INTEGER NOT NULL
+    )
+    """,
+    "CREATE TABLE server (next_id INTEGER NOT NULL, paused INTEGER NOT NULL)",
+    "INSERT INTO server VALUES (1, 0)",
+    f"PRAGMA application_id = {_APPLICATION_ID}",
+    f"PRAGMA user_version = {FORMAT}",
+)
+_SAVE = """
+    INSERT OR REPLACE INTO task (task_id, checksum, record)
+    SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(value, '$[2]')
+    FROM json_each(NEW.saved)
+"""
+# One statement for the whole batch: each step of a statement takes the interpreter's lock away from
+# the event loop.
+_EQUIPMENT = (
+    """
+    CREATE TEMP VIEW IF NOT EXISTS batch AS
+    SELECT '' AS saved, '' AS gone, 0 AS next_id, 0 AS paused,
+           '' AS lapsed, '' AS completed, '' AS settled, 0 AS commits
+    """,
+    f"""
+    CREATE TEMP TRIGGER IF NOT EXISTS write_batch INSTEAD OF INSERT ON batch BEGIN
+        {_SAVE};
+        UPDATE server SET next_id = NEW.next_id WHERE next_id < NEW.next_id;
+        UPDATE server SET paused = NEW.paused WHERE NEW.paused IS NOT NULL;
+        DELETE FROM task WHERE task_id IN (SELECT value FROM json_each(NEW.gone));
+        {FORGET.format("NEW.lapsed")};
+        {SAVE.format("NEW.completed")};
+        {SETTLE.format("NEW.settled")};
+        UPDATE taskrpc_store SET commits = NEW.commits;
+    END
+    """,
+)
+_WRITE = "INSERT INTO batch VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
+
+Row: TypeAlias = tuple[int, int, str]
+"""A row of the task table: task id, checksum, record."""
+
+
+def prepare(connection: sqlite3.Connection) -> None:
+    """Create the tables of a new file or upgrade an older file; refuse any other file.
+
+    Raises:
+        StoreError: it is another program's database, or a newer taskrpc wrote it.
+    """
+    is_new = connection.execute("SELECT 1 FROM sqlite_master").fetchone() is None
+    if is_new and pragma(connection, "application_id") == 0:
+        _create(connection)
+    if pragma(connection, "application_id") != _APPLICATION_ID:
+        raise StoreError("expected a task database, found another program's database")
+    version = pragma(connection, "user_version")
+    if version == 1:
+        _upgrade(connection)
+    elif version != FORMAT:
+        raise StoreError(
+            f"expected a task database of format {FORMAT}, found format {version}; "
+            "use the taskrpc that wrote it, or another file"
+        )
+    refuse_other_tables(connection, _create)
+
+
+def _create(connection: sqlite3.Connection) -> None:
+    create_store(connection)
+    create_completion_table(connection)
+    for statement in _TABLES:
+        connection.execute(statement)
+
+
+def equip(connection: sqlite3.Connection) -> None:
+    """Create the temporary view and trigger that `write` needs."""
+    for statement in _EQUIPMENT:
+        connection.execute(statement)
+
+
+def load(connection: sqlite3.Connection) -> Stored:
+    """Read everything; raises Damaged if a row or a table is damaged."""
+    # A damaged tree may lose whole rows silently. Checksums only protect the rows that are found.
+    found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if found != b"ok":
+        raise Damaged("task", " ".join(found.decode(errors="replace").split()))
+    rows = connection.execute("SELECT task_id, record, checksum FROM task ORDER BY task_id")
+    tasks = tuple(read_records(rows.fetchall(), Task, "task", "task_id"))
+    server = connection.execute("SELECT next_id, paused FROM server").fetchone()
+    if server is None or not all(isinstance(each, int) for each in server):
+        raise Damaged("server", "expected one row with the next number and whether it is paused")
+    next_id = max([server[0], *(task.task_id + 1 for task in tasks[-1:])])
+    store_id, completions = read_store_id(connection), read_completions(connection)
+    return Stored(tasks, next_id, store_id, bool(server[1]), completions)
+
+
+def row_of(task: Task) -> Row:
+    """Return the row of a task."""
+    return task.task_id, *with_checksum(msgspec.json.encode(task), task.task_id)
+
+
+class Change(msgspec.Struct):
+    """The changes of one call; the caller's thread encodes the rows, not the writer's."""
+
+    saved: Sequence[Row] = ()
+    forgotten: Sequence[int] = ()
+    """Task ids."""
+    completion: Completion | None = None
+    clients: Sequence[ClientKey] = ()
+    paused: bool | None = None
+    """Whether the queue is paused; None: no change."""
+
+
+def write(database: Database, changes: Sequence[Change]) -> None:
+    """Write changes, in order, in one transaction."""
+    tasks: dict[int, Row | None] = {}
+    completions = CompletionBatch()
+    paused = None
+    for change in changes:
+        tasks.update({row[0]: row for row in change.saved})
+        tasks.update(dict.fromkeys(change.forgotten))
+        completions.add(change.completion, change.clients)
+        paused = paused if change.paused is None else change.paused
+    database.change_at_once(_WRITE, _values(tasks, completions, paused))
+
+
+def _values(
+    tasks: Mapping[int, Row | None], completions: CompletionBatch, paused: bool | None
+) -> Sequence[object]:
+    """Return the parameters of `_WRITE`; task ids without a row are forgotten."""
+    saved = [row for row in tasks.values() if row is not None]
+    gone = [number for number, row in tasks.items() if row is None]
+    next_id = 1 + max((number for number, *_ in saved), default=0)
+    return as_json(saved), as_json(gone), next_id, paused, *completions.rows()
+
+
+def clear(connection: sqlite3.Connection) -> None:
+    """Forget everything, in the open transaction."""
+    connection.execute("DELETE FROM task")
+    connection.execute("DELETE FROM server")
+    connection.execute("INSERT INTO server VALUES (1, 0)")
+    delete_completions(connection)
+    replace_store_id(connection)
+
+
+def _upgrade(connection: sqlite3.Connection) -> None:
+    """Upgrade from format 1, which had no checksums, no completions and no store id."""
+    tasks = {}
+    for number, record in connection.execute("SELECT task_id, record FROM task"):
+        try:
+            tasks[number] = msgspec.json.decode(record, type=Task)
+        except (msgspec.MsgspecError, UnicodeDecodeError, TypeError) as error:
+            raise Damaged("task", str(error), f"task_id = {number}") from None
+    connection.execute("DROP TABLE task")
+    connection.execute(_TABLES[0])
+    create_store(connection)
+    create_completion_table(connection)
+    equip(connection)
+    rows = {number: row_of(task) for number, task in tasks.items()}
+    connection.execute(_WRITE, (*_values(rows, CompletionBatch(), None), 0))
+    connection.execute(f"PRAGMA user_version = {FORMAT}")

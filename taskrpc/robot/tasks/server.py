@@ -1,0 +1,560 @@
+"""The task server: offers a task manager as services of a node."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Awaitable, Callable, Collection, Sequence
+from functools import partial, wraps
+from typing import Any, Self, TypeAlias
+
+import srvgen
+from taskrpc.core.callinfo import current_call
+from taskrpc.core.introspection import IntrospectionState
+from taskrpc.core.request_ids.ids import Completion, CompletionStore
+from taskrpc.core.storage.lock import FileInUse
+from taskrpc.core.transport.time_of_day import time_of_day
+from taskrpc.errors import (
+    Code,
+    HandlerError,
+    NameInUse,
+    OutcomeUnknown,
+    StoreError,
+    TaskRpcError,
+    text_for_callers,
+)
+from taskrpc.node import Node
+from taskrpc.robot.protocol import Robot
+from taskrpc.robot.tasks.action import SubmittingTasks, TaskAction
+from taskrpc.robot.tasks.manager import TaskManager, TaskSettings
+from taskrpc.robot.tasks.model import Task
+from taskrpc.robot.tasks.pages import page
+from taskrpc.robot.tasks.permissions import ROLES, client_name, refuse_others_task, submitter
+from taskrpc.robot.tasks.queue.journal import QueueJournal
+from taskrpc.robot.tasks.records.repository import TaskCompletions
+from taskrpc.robot.tasks.records.store import TaskStore
+from taskrpc.robot.tasks.responses import Resumed, TaskMessages, TaskResponse
+from taskrpc.robot.tasks.topics import TaskTopics
+from taskrpc.service import Service
+
+_log = logging.getLogger("taskrpc.tasks")
+
+_CONCURRENCY = 64  # calls of one service that may wait for the disk at the same time
+_WATCHERS = 1000
+_WATCH_SECONDS = 10.0  # how long a watcher without a timeout waits
+_WATCH_AT_MOST = 60.0
+_WATCH_SHARE = 0.9  # of the call's time left; the rest is for sending the response
+_WATCHED_TASKS = 100  # with more changes the response is incomplete: the client lists them
+
+_TYPES = {
+    "submit": "my_robot_interfaces/srv/RobotTask",
+    "list": "taskrpc_interfaces/srv/ListTasks",
+    "show": "taskrpc_interfaces/srv/ShowTask",
+    "watch": "taskrpc_interfaces/srv/WatchTasks",
+    "cancel": "taskrpc_interfaces/srv/CancelTask",
+    "pause": "taskrpc_interfaces/srv/PauseTasks",
+    "resume": "taskrpc_interfaces/srv/ResumeTasks",
+    "reprioritise": "taskrpc_interfaces/srv/ReprioritiseTask",
+    "requeue": "taskrpc_interfaces/srv/RequeueTask",
+    "drop": "taskrpc_interfaces/srv/DropTask",
+    "stop": "taskrpc_interfaces/srv/StopRobot",
+    "health": "std_srvs/srv/Trigger",
+}
+"""The type of each service."""
+
+_Handler: TypeAlias = Callable[[Any, Any], Awaitable[Any]]
+
+
+def load_types() -> dict[str, Any]:
+    """Load the types of all services; this takes most of a task server's start time."""
+    return {verb: srvgen.load(name) for verb, name in _TYPES.items()}
+
+
+class OfferedTasks:
+    """The services of a task manager; `TaskServer` and `FleetServer` are servers.
+
+    Args:
+        node: a started node; `close` does not close it.
+        manager: the tasks.
+        completions: keeps the completed submissions, together with the tasks.
+        names: the names of the service that accepts tasks, the main one first; all further
+            services are below each of them.
+        join: the names that other servers may offer too.
+        topics: the name below which the topics are.
+        introspection: what the services publish about their calls; see
+            `Node.configure_introspection`.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        manager: SubmittingTasks,
+        completions: CompletionStore,
+        *,
+        names: Sequence[str],
+        join: Collection[str],
+        topics: str,
+        introspection: IntrospectionState,
+    ) -> None:
+        self.manager = manager
+        """The tasks; for programs that work with them without a network."""
+        self._completions = completions
+        self._node = node
+        self._names = names
+        self._join = join
+        self._topics_name = topics
+        self._introspection = introspection
+        self._messages = TaskMessages()
+        self._types = load_types()
+        self._services: list[Service] = []
+        self._topics: TaskTopics | None = None
+        self._action: TaskAction | None = None
+        self._started = asyncio.Event()
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(self, *exc_info: object) -> None:
+        await self.close()
+
+    async def start(self, *, fresh: bool = False) -> Resumed:
+        """Offer the services, queue the earlier server's tasks again and start the robot.
+
+        With `fresh` the tasks of the earlier server are forgotten instead. Returns the resumed
+        tasks; the `str` of that is a sentence for the user.
+
+        Raises:
+            StoreError: the store cannot be used.
+            NameInUse: another server offers the service.
+        """
+        # Offer the services first: a second server must not touch the store of the server that
+        # has the name. Calls that arrive before the store is read wait for it.
+        try:
+            for name in self._names:
+                self._offer(name, join=name in self._join)
+            self._topics = TaskTopics(self._node, self.manager, self._messages, self._topics_name)
+            self._offer_action()
+            if fresh:
+                await self._forget_all()
+            resumed = await self.manager.start()
+        except BaseException:
+            for service in self._services:
+                service.destroy()
+            self._services.clear()
+            self._close_topics()
+            self._close_action()
+            raise
+        self._started.set()
+        self._opened()
+        return resumed
+
+    def _offer_action(self) -> None:
+        """Offer the tasks as an action, unless a server that this one joins offers it.
+
+        Its goals live in this process: in a fleet, the action has the name of the robot.
+        """
+        try:
+            self._action = TaskAction(self._node, self.manager, self._topics_name, self._started)
+        except NameInUse:
+            if not self._join:
+                raise
+            _log.info("another server of this name offers the action; this one only the services")
+
+    async def _forget_all(self) -> None:
+        """Forget the tasks of earlier servers. Raises StoreError."""
+        raise NotImplementedError
+
+    def _opened(self) -> None:
+        """Take notice that the store has been read."""
+
+    async def health(self) -> TaskResponse:
+        """Return whether the server accepts tasks: `success`, and why not in `message`."""
+        if not self._started.is_set():
+            return TaskResponse(
+                False, "not ready: starting, reading the tasks of the earlier server"
+            )
+        if self.manager.change_feed.is_closed:
+            return TaskResponse(False, "not ready: ending")
+        if problem := await self.manager.repository.problem():
+            return TaskResponse(False, f"not ready: {problem}")
+        return TaskResponse(True, f"ready: {self.manager}")
+
+    def dismiss_watchers(self) -> None:
+        """Respond to all watchers, so that the node can drain without waiting for them.
+
+        The goals of the action end too; their tasks stay.
+        """
+        self.manager.change_feed.close()
+        self._close_action()
+
+    async def close(self) -> None:
+        """Halt the robot, store the running task as INTERRUPTED and close the store."""
+        self._close_topics()
+        await self.manager.close()
+        self._close_action()
+
+    def _close_topics(self) -> None:
+        if self._topics is not None:
+            self._topics.close()
+            self._topics = None
+
+    def _close_action(self) -> None:
+        if self._action is not None:
+            self._action.close()
+            self._action = None
+
+    def _offer(self, name: str, *, join: bool) -> None:
+        submit = self._node.create_service(
+            self._types["submit"],
+            name,
+            self._submitted,
+            exactly_once=self._completions,
+            join=join,
+        )
+        self._services.append(submit)
+        # A client may repeat a call that reads or halts when its response was lost. It must not
+        # repeat a call that starts something: another client may have halted it meanwhile.
+        for verb, handler, may_repeat in (
+            ("list", self.list_tasks, True),
+            ("show", self.show, True),
+            ("watch", self.watch, True),
+            ("cancel", self.cancel, True),
+            ("pause", self.pause, True),
+            ("resume", self.resume, False),
+            ("reprioritise", self.reprioritise, False),
+            ("requeue", self.requeue, False),
+            ("drop", self.drop, True),
+            ("stop", self.stop, True),
+        ):
+            service = self._node.create_service(
+                self._types[verb],
+                f"{name}/{verb}",
+                self._guarded(handler),
+                concurrency=_WATCHERS if verb == "watch" else _CONCURRENCY,
+                idempotent=may_repeat,
+                join=join,
+                role=ROLES[verb],
+            )
+            self._services.append(service)
+        health = self._node.create_service(
+            self._types["health"],
+            f"{name}/health",
+            self.tell_health,  # unguarded: it reports why the other services wait
+            concurrency=_CONCURRENCY,
+            idempotent=True,
+            join=join,
+            role=ROLES["health"],
+        )
+        self._services.append(health)
+        if self._introspection != "off":
+            for service in self._services:
+                self._node.configure_introspection(service, self._introspection)
+
+    def _guarded(self, handler: _Handler) -> _Handler:
+        """Return the handler with errors for a server that ends and a store that fails."""
+
+        @wraps(handler)
+        async def guarded(request: Any, response: Any) -> Any:
+            if not self._started.is_set():
+                await self._started.wait()
+            self._refuse_when_closed()
+            try:
+                return await handler(request, response)
+            except (StoreError, OutcomeUnknown) as error:
+                raise failed_call(Code.INTERNAL, error) from error
+
+        return guarded
+
+    def _refuse_when_closed(self) -> None:
+        if self.manager.is_closed:  # so is the store; nothing was done
+            raise HandlerError(Code.UNAVAILABLE, "the task server is ending")
+
+    # The handlers: `request` and `response` are messages of the service's type
+
+    async def submit(self, request: Any, response: Any) -> Any:
+        """Queue a task; see RobotTask.srv."""
+        raise NotImplementedError
+
+    def _submitted(self, request: Any, response: Any) -> Any:
+        """Take a call of the service that accepts tasks."""
+        return self._guarded(self.submit)(request, response)
+
+    async def list_tasks(self, request: Any, response: Any) -> Any:
+        """List tasks in the order of execution; see ListTasks.srv."""
+        response.revision = self.manager.change_feed.revision
+        try:
+            found = page(self.manager, request.page, limit=request.limit, ended=request.all)
+        except ValueError as error:
+            raise HandlerError(Code.INVALID_ARGUMENT, str(error)) from None
+        response.tasks = [self._info(row.task, row.estimated_time) for row in found.rows]
+        response.next_page = found.next_page
+        response.queued = len(self.manager.queue)
+        response.paused = self.manager.is_paused
+        return response
+
+    async def show(self, request: Any, response: Any) -> Any:
+        """Show one task; see ShowTask.srv."""
+        task = self.manager.repository.find(request.task_id)
+        response.success = task is not None
+        if task is None:
+            response.message = f"There is no task {request.task_id}"
+            return response
+        self.manager.update_estimates()
+        response.task = self._messages.whole_task_info(
+            task,
+            self.manager.estimate(task.task_id),
+            self.manager.changes(task),
+            self.manager.planned_robot(task),
+            self.manager.waits_for(task),
+        )
+        return response
+
+    async def watch(self, request: Any, response: Any) -> Any:
+        """Wait for changes; see WatchTasks.srv."""
+        feed, only = self.manager.change_feed, request.task_id
+        response.success = not only or self.manager.repository.find(only) is not None
+        if not response.success:
+            response.message = f"There is no task {only}"
+            return response
+        await feed.wait_for_change(request.revision, _watch_timeout(request.timeout), task_id=only)
+        changed = feed.changed_since(request.revision)
+        response.complete = changed is not None and len(changed) <= _WATCHED_TASKS
+        if only and (changed is None or only in changed):
+            response.complete, changed = True, [only]
+        elif only:
+            changed = []
+        response.revision = feed.revision
+        response.paused = self.manager.is_paused
+        if response.complete and changed:
+            self._fill(response, changed)
+        return response
+
+    async def cancel(self, request: Any, response: Any) -> Any:
+        """Cancel a task; see CancelTask.srv."""
+        refuse_others_task(self.manager.repository.find(request.task_id))
+        return filled(response, await self.manager.cancel(request.task_id, client=client_name()))
+
+    async def pause(self, request: Any, response: Any) -> Any:
+        """Halt the robot and pause the queue; see PauseTasks.srv."""
+        return filled(response, await self.manager.pause(robot=request.robot))
+
+    async def resume(self, request: Any, response: Any) -> Any:
+        """Continue after a pause; see ResumeTasks.srv."""
+        return filled(response, await self.manager.resume(robot=request.robot))
+
+    async def reprioritise(self, request: Any, response: Any) -> Any:
+        """Change a task's priority; see ReprioritiseTask.srv."""
+        result = await self.manager.reprioritise(request.task_id, request.priority)
+        return filled(response, result)
+
+    async def requeue(self, request: Any, response: Any) -> Any:
+        """Queue an ended task again; see RequeueTask.srv."""
+        result = await self.manager.requeue(request.task_id, resume=request.resume)
+        return filled(response, result)
+
+    async def drop(self, request: Any, response: Any) -> Any:
+        """Cancel a queued or interrupted task; see DropTask.srv."""
+        refuse_others_task(self.manager.repository.find(request.task_id))
+        return filled(response, await self.manager.drop(request.task_id, client=client_name()))
+
+    async def stop(self, request: Any, response: Any) -> Any:
+        """Halt the robot at once and pause the queue; see StopRobot.srv."""
+        result = await self.manager.stop(client=client_name(), robot=request.robot)
+        return filled(response, result)
+
+    async def tell_health(self, request: Any, response: Any) -> Any:
+        """Report whether the server accepts tasks now; a std_srvs/srv/Trigger."""
+        return filled(response, await self.health())
+
+    def _fill(self, response: Any, changed: list[int]) -> None:
+        self.manager.update_estimates()
+        found = (self.manager.repository.find(task_id) for task_id in changed)
+        response.tasks = [
+            self._info(task, self.manager.estimate(task.task_id))
+            for task in found
+            if task is not None
+        ]
+
+    def _info(self, task: Task, estimated_time: float) -> Any:
+        manager = self.manager
+        return self._messages.task_info(
+            task, estimated_time, manager.planned_robot(task), manager.waits_for(task)
+        )
+
+
+class TaskServer(OfferedTasks):
+    """Offers a robot's task queue as `/robot_task` and the services below it.
+
+    Use it as `async with TaskServer(node, robot, store):`, or call `start` and `close`.
+
+    Args:
+        node: a started node; `close` does not close it.
+        robot: the robot, an object that follows the `Robot` protocol.
+        store: keeps the tasks for the next server; `close` closes it.
+        service_name: the name of the service that accepts tasks.
+        join: whether to start although another server offers the same service.
+        introspection: what the services publish about their calls; see
+            `Node.configure_introspection`.
+        queue_limit, share, settle, keep_ended, wall_clock, journal: see `TaskSettings`.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        robot: Robot,
+        store: TaskStore,
+        *,
+        queue_limit: int = 10_000,
+        share: int | None = None,
+        settle: float = 0.1,
+        service_name: str = "robot_task",
+        keep_ended: int = 1000,
+        join: bool = False,
+        introspection: IntrospectionState = "off",
+        wall_clock: Callable[[], float] = time_of_day,
+        journal: QueueJournal | None = None,
+    ) -> None:
+        settings = TaskSettings(
+            queue_limit=queue_limit,
+            share=share,
+            settle=settle,
+            keep_ended=keep_ended,
+            wall_clock=wall_clock,
+            journal=journal,
+        )
+        manager = TaskManager(robot, store, settings)
+        completions = TaskCompletions(store, manager.repository)
+        super().__init__(
+            node,
+            manager,
+            completions,
+            names=[service_name],
+            join=[service_name] if join else [],
+            topics=service_name,
+            introspection=introspection,
+        )
+        self.manager: TaskManager = manager
+        self._store = store
+        self._task_completions = completions
+
+    async def start(self, *, fresh: bool = False) -> Resumed:
+        """Offer the services and start the robot; see `OfferedTasks.start`."""
+        opened = not fresh and self._open_store()
+        try:
+            return await super().start(fresh=fresh)
+        except NameInUse:
+            if opened:
+                await self._store.close()
+            raise
+
+    def _open_store(self) -> bool:
+        """Open a store with an `open_now`, before a service is offered; return whether it did so.
+
+        Raises StoreError.
+        """
+        if not hasattr(self._store, "open_now"):
+            return False
+        try:
+            return bool(self._store.open_now())
+        except FileInUse:  # the other server may have the services' names too, which says more
+            return False
+
+    async def _forget_all(self) -> None:
+        await self._store.clear()
+
+    def _opened(self) -> None:
+        self._task_completions.opened()
+
+    async def submit(self, request: Any, response: Any) -> Any:
+        """Queue a task; see RobotTask.srv."""
+        begun = self._begin_submit(request, response)
+        return await begun if isinstance(begun, asyncio.Future) else begun
+
+    def _submitted(self, request: Any, response: Any) -> Any:
+        if self._started.is_set():
+            self._refuse_when_closed()
+            return self._begin_submit(request, response)
+        return self._guarded(self.submit)(request, response)
+
+    def _begin_submit(self, request: Any, response: Any) -> Any:
+        """Queue a task; returns the response, or its future while the task is being stored."""
+        client, account, machine = submitter()
+        # A future and no coroutine: the node would make an asyncio task for each waiting coroutine.
+        queued = asyncio.get_running_loop().create_future()
+        try:
+            result = self.manager.submit_with_callback(
+                partial(_resolve_response, queued, response),
+                request.task_type,
+                request.target,
+                request.priority,
+                client=client,
+                account=account,
+                machine=machine,
+                completing=lambda result: completed(filled(response, result)),
+            )
+        except (StoreError, OutcomeUnknown) as error:
+            raise failed_call(Code.UNAVAILABLE, error) from error
+        if result.success:
+            return queued
+        nothing_done()
+        return filled(response, result)
+
+
+def failed_call(unstored: Code, error: TaskRpcError) -> HandlerError:
+    """Return the error for the caller when the store failed; the log gets the full text."""
+    _log.error("%s", error)
+    code = Code.OUTCOME_UNKNOWN if isinstance(error, OutcomeUnknown) else unstored
+    return HandlerError(code, text_for_callers(error))
+
+
+def _resolve_response(
+    queued: asyncio.Future[Any], response: Any, error: BaseException | None
+) -> None:
+    """Resolve the future of a filled response when its task is stored, or is not."""
+    if queued.done():
+        return  # the call was cancelled
+    if error is None:
+        queued.set_result(response)
+    elif isinstance(error, StoreError | OutcomeUnknown):
+        queued.set_exception(failed_call(Code.UNAVAILABLE, error))  # not done, or outcome unknown
+    elif isinstance(error, asyncio.CancelledError):
+        queued.cancel()
+    else:
+        queued.set_exception(error)
+
+
+def filled(response: Any, result: TaskResponse) -> Any:
+    """Return the response message, filled with the manager's result."""
+    response.success = result.success
+    response.message = result.message
+    if hasattr(response, "task_id"):
+        response.task_id = result.task_id
+    if hasattr(response, "estimated_time"):
+        response.estimated_time = result.estimated_time
+    return response
+
+
+def completed(response: Any) -> Completion | None:
+    """Return the completion of the running call, None outside a call."""
+    try:
+        return current_call().completed_by(response)
+    except LookupError:  # a handler was called directly
+        return None
+
+
+def nothing_done() -> None:
+    """Declare that the running call was refused."""
+    with contextlib.suppress(LookupError):  # a handler was called directly
+        current_call().nothing_done()
+
+
+def _watch_timeout(requested: float) -> float:
+    """Return how many seconds a watcher may wait to get its response before its deadline."""
+    timeout = min(requested if requested > 0 else _WATCH_SECONDS, _WATCH_AT_MOST)
+    try:
+        left = current_call().time_left()
+    except LookupError:
+        left = None
+    return timeout if left is None else min(timeout, left * _WATCH_SHARE)

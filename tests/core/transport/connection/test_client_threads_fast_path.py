@@ -1,0 +1,207 @@
+"""A thread sends a call itself, with the same effects as if the event loop had sent it."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import time
+from unittest import mock
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from msgspec.structs import replace
+
+from taskrpc.core.transport.connection.client_side import OpenCall
+from taskrpc.core.transport.connection.client_threads import ThreadedConnection, Waiter
+from taskrpc.core.transport.limits.keepalive import DEFAULT
+from taskrpc.core.wire.frames import LARGE
+from taskrpc.core.wire.messages import Limits
+from taskrpc.core.wire.session import LAST_CALL_ID, Session
+from taskrpc.errors import DeadlineExceeded, InvalidRequest
+from taskrpc.testing import VirtualTimeLoop
+from tests.core.wire.helpers import CLIENT, SERVER
+from tests.properties import examples
+
+NEARLY_ALL = LAST_CALL_ID - 2
+
+
+class Owner:
+    """The part of an endpoint that the connection needs."""
+
+    keepalive = DEFAULT
+
+    def __init__(self):
+        self.loop = asyncio.get_running_loop()
+        self.now = self.loop.time
+        self.read_buffer = memoryview(bytearray(65_536))
+        self.behind = []
+
+    def connection_began(self, connection):
+        """Nothing is counted here."""
+
+    connection_ended = connection_began
+
+
+class SocketTransport(asyncio.Transport):
+    """Writes to a socket, or to a buffer while `is_full`."""
+
+    def __init__(self, sock):
+        super().__init__({"socket": sock})
+        self.sock, self.buffer, self.is_full = sock, b"", False
+
+    def write(self, data):
+        self.buffer += data
+        if not self.is_full:
+            self.empty()
+
+    def empty(self):
+        self.sock.sendall(self.buffer)
+        self.buffer, self.is_full = b"", False
+
+    def get_write_buffer_size(self):
+        return len(self.buffer)
+
+
+class End:
+    """A connected client whose server answers when the test says so."""
+
+    def __init__(self, limits):
+        self.sock, self.peer = socket.socketpair()
+        for each in (self.sock, self.peer):
+            each.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 8 * LARGE)
+            each.settimeout(60)
+        self.transport = SocketTransport(self.sock)
+        self.connection = ThreadedConnection(Owner(), CLIENT, lambda: None)
+        self.server = Session(replace(SERVER, limits=limits), is_client=False)
+        self.connection.connection_made(self.transport)
+        self.calls, self.stream = [], b""
+        for _ in range(3):
+            self.hear()
+            self.answer()
+
+    def hear(self):
+        """Let the server read what was written; returns the bytes."""
+        self.peer.setblocking(False)
+        heard = b""
+        try:
+            while data := self.peer.recv(8 * LARGE):
+                heard += data
+        except BlockingIOError:
+            pass
+        self.stream += heard
+        if heard:
+            self.server.feed(heard)
+        return heard
+
+    def answer(self):
+        """Let the client read the output of the server."""
+        for piece in self.server.take():
+            self.connection.get_buffer(-1)[: len(piece)] = piece
+            self.connection.buffer_updated(len(piece))
+
+    def close(self):
+        self.connection.connection_lost(None)
+        self.sock.close()
+        self.peer.close()
+
+    def call(self, size, seconds, *, in_thread):
+        deadline = None if seconds is None else self.connection.owner.now() + seconds
+        waiter = Waiter()
+        body = bytes(size)
+        call = waiter.call = OpenCall(waiter, self.connection, bytes, deadline, 1, body)
+        self.calls.append(call)
+        try:
+            if not (in_thread and self.connection.begin_in_thread(call)):
+                self.connection.begin(call)
+        except InvalidRequest as error:
+            waiter.set_exception(error)
+
+    def do(self, step, *, in_thread):
+        kind, *values = step
+        connection = self.connection
+        if kind == "call":
+            self.call(*values, in_thread=in_thread)
+        elif kind == "ping":
+            connection.session.ping(7)
+            connection.flush_soon()
+        elif kind == "pause":
+            connection.pause_writing()
+        elif kind == "resume":
+            connection.resume_writing()
+        elif kind == "full":
+            self.transport.is_full = True
+            connection.session.ping(8)
+            connection.flush()
+        elif kind == "respond":
+            self.transport.empty()
+            self.hear()
+            for call_id in list(self.server.open_calls)[:1]:
+                self.server.respond(call_id, b"response")
+            self.answer()
+        else:
+            connection.session.last_call_id = max(NEARLY_ALL, connection.session.last_call_id)
+
+    def state(self):
+        """Everything that a later call or the caller can see."""
+        self.transport.empty()
+        self.hear()
+        connection, session = self.connection, self.connection.session
+        return (
+            self.stream,
+            {number: (held[0].call_id, held[1]) for number, held in session.open_calls.items()},
+            (session.bytes_in_flight, session.last_call_id, session.state),
+            (connection.epoch, connection.holds_back, connection.check_before, connection.written),
+            [(call.call_id, call.is_late, outcome(call.future)) for call in self.calls],
+        )
+
+
+def outcome(waiter):
+    """The result or error of the waiting thread, None while the call has not ended."""
+    if not waiter.done():
+        return None
+    try:
+        return waiter.wait()
+    except (DeadlineExceeded, InvalidRequest) as error:
+        waiter._sleep.release()
+        return type(error), str(error), error.not_executed
+    else:
+        waiter._sleep.release()
+
+
+sizes = st.one_of(
+    st.integers(0, 30), st.sampled_from([100, 101, LARGE - 1, LARGE, 2 * LARGE, 2 * LARGE + 1])
+)
+a_call = st.tuples(st.just("call"), sizes, st.sampled_from([None, -1.0, 0.0, 0.003, 1.0, 50.0]))
+other_step = st.sampled_from(
+    [("ping",), ("pause",), ("resume",), ("full",), ("respond",), ("old",)]
+)
+steps = st.lists(st.tuples(st.one_of(a_call, a_call, other_step), st.booleans()), max_size=10)
+
+
+@pytest.mark.real_time
+@given(steps, st.sampled_from([100, 2 * LARGE]))
+@settings(max_examples=examples(60), deadline=None)
+def test_call_sent_by_a_thread_has_the_effects_of_one_sent_by_the_event_loop(steps, body):
+    limits = Limits(body=body, calls=3, bytes=3 * LARGE)
+
+    async def run():
+        loop = asyncio.get_running_loop()
+        ends = [End(limits), End(limits)]
+        try:
+            with mock.patch.object(time, "monotonic", loop.time):
+                for step, turns in steps:
+                    for end, in_thread in zip(ends, (True, False), strict=True):
+                        end.do(step, in_thread=in_thread)
+                    if turns:
+                        await asyncio.sleep(0)
+                await asyncio.sleep(0)
+                await asyncio.sleep(0)
+                fast, slow = (end.state() for end in ends)
+                assert fast == slow
+        finally:
+            for end in ends:
+                end.close()
+
+    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        runner.run(run())

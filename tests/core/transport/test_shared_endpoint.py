@@ -1,0 +1,128 @@
+"""Transports are found by name; what is missing is named; nodes share endpoints."""
+
+import asyncio
+import sys
+from contextvars import copy_context
+
+import pytest
+
+import taskrpc
+from taskrpc.core import platform
+from taskrpc.core.transport import shared_endpoint
+from taskrpc.core.transport.memory import MemoryNetwork
+from taskrpc.core.transport.shared_endpoint import TRANSPORTS, Registration
+
+
+def register(monkeypatch, name, *arguments, **more):
+    monkeypatch.setitem(TRANSPORTS, name, Registration(*arguments, **more))
+
+
+def test_an_unknown_transport_lists_those_that_exist(monkeypatch):
+    register(monkeypatch, "pigeon", "pigeon.post:open_network")
+    problem = "transport: expected 'tcp', 'memory', .* or 'pigeon', got 'dove'"
+    with pytest.raises(taskrpc.TaskRpcError, match=problem):
+        taskrpc.Node("node", transport="dove")
+
+
+async def test_a_missing_module_is_named_with_the_command_that_installs_it(monkeypatch):
+    class Missing:
+        def find_spec(self, name, path=None, target=None):
+            if name == "pigeon":
+                raise ModuleNotFoundError("No module named 'pigeon'", name="pigeon")
+
+    monkeypatch.setattr(sys, "meta_path", [Missing(), *sys.meta_path])
+    advice = "install it with: pip install pigeons"
+    register(monkeypatch, "pigeon", "pigeon:open_network", needs="pigeon", advice=lambda: advice)
+    with pytest.raises(taskrpc.TaskRpcError) as caught:
+        await taskrpc.Node("node", transport="pigeon").start()
+    assert str(caught.value) == (
+        "transport='pigeon' needs the module pigeon, which is not installed; " + advice
+    )
+
+
+async def test_a_module_that_is_missing_for_another_reason_is_a_mistake_of_ours(monkeypatch):
+    register(monkeypatch, "pigeon", "taskrpc.core.transport.absent:open_network", needs="pigeon")
+    with pytest.raises(ModuleNotFoundError, match=r"taskrpc\.transport\.absent"):
+        await taskrpc.Node("node", transport="pigeon").start()
+
+
+class Slow(MemoryNetwork):
+    """A network that takes a second to open, or fails."""
+
+    opened = 0
+    problem = None
+
+    async def open(self):
+        await asyncio.sleep(1)
+        if self.problem is not None:
+            raise taskrpc.TaskRpcError(self.problem)
+        type(self).opened += 1
+
+
+@pytest.fixture
+def slow(monkeypatch):
+    monkeypatch.setattr(shared_endpoint, "slow", lambda it: Slow(domain=it.domain), raising=False)
+    monkeypatch.setattr(Slow, "opened", 0)
+    register(monkeypatch, "slow", "taskrpc.core.transport.shared_endpoint:slow")
+
+
+async def test_a_node_starts_when_its_transport_is_open(slow):
+    began = asyncio.get_running_loop().time()
+    async with taskrpc.Node("node", transport="slow") as node:
+        assert asyncio.get_running_loop().time() - began == pytest.approx(1)
+        assert [entry.nodes for entry in await node.graph()] == [("/node",)]
+
+
+async def test_a_transport_that_cannot_open_leaves_nothing_behind(slow, monkeypatch):
+    monkeypatch.setattr(Slow, "problem", "the router is not there")
+    node = taskrpc.Node("node", transport="slow")
+    with pytest.raises(taskrpc.TaskRpcError, match="the router is not there"):
+        await node.start()
+    monkeypatch.setattr(Slow, "problem", None)
+    async with node:
+        assert [entry.nodes for entry in await node.graph()] == [("/node",)]
+
+
+async def test_a_node_that_two_tasks_start_joins_once(slow):
+    node = taskrpc.Node("node", transport="slow")
+    await asyncio.gather(node.start(), node.start())
+    assert [entry.nodes for entry in await node.graph()] == [("/node",)]
+    endpoint = node._transport
+    assert endpoint.holders == 1
+    await node.destroy()
+    assert endpoint.holders == 0
+
+
+async def test_nodes_with_equal_settings_share_an_endpoint():
+    async with (
+        taskrpc.Node("one", transport="memory") as one,
+        taskrpc.Node("other", transport="memory") as other,
+        taskrpc.Node("apart", transport="memory", listen="apart") as apart,
+    ):
+        assert one._transport is other._transport
+        assert one._transport is not apart._transport
+
+
+async def test_programs_in_one_interpreter_have_endpoints_of_their_own():
+    def in_program(name):
+        context = copy_context()
+        context.run(platform.program.set, name)
+        return context
+
+    async def started(name):
+        node = taskrpc.Node(name, transport="memory")
+        await node.start()
+        return node
+
+    async with taskrpc.Node("apart", transport="memory") as apart:
+        one, same, other = [
+            await asyncio.create_task(started(name), context=in_program(program))
+            for name, program in [("one", "a"), ("same", "a"), ("other", "b")]
+        ]
+        assert one._transport is same._transport
+        assert len({one._transport, other._transport, apart._transport}) == 3
+
+        await shared_endpoint.close_program("a")  # its nodes were never destroyed
+        names = {node for entry in await other.graph() for node in entry.nodes}
+        assert names == {"/other", "/apart"}
+        await other.destroy()
