@@ -11,11 +11,10 @@ from taskrpc.cli.action.action_graph import actions
 from taskrpc.cli.shared import definitions, graph
 from taskrpc.cli.shared.remote import HERE
 from taskrpc.cli.topic.topic_graph import topics
-from taskrpc.core import names
-from taskrpc.core.transport import suggestions
+from taskrpc.spi import names, suggestions
 
 if TYPE_CHECKING:
-    from taskrpc.core.transport.discovery.entries import RegistryEntry
+    from taskrpc.spi import RegistryEntry
 
 
 def complete(parser: ArgumentParser) -> NoReturn:

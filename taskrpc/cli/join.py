@@ -6,11 +6,11 @@ import argparse
 import time
 
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, standard_input
-from taskrpc.core.security.lab import Lab, forget_lab, remember_lab, remembered_lab
+from taskrpc.spi import Lab, forget_lab, remember_lab, remembered_lab
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
-    from taskrpc.core.wire.messages import Listing
+    from taskrpc.spi import Listing
 
 _NEXT = """\
 Try next:
@@ -112,7 +112,7 @@ def _listing(lab: Lab) -> Listing:
 
 
 def _warn_of_peers() -> None:
-    from taskrpc.core.transport.settings import environment_peers
+    from taskrpc.spi import environment_peers
 
     if peers := environment_peers():
         listed = ", ".join(peers)

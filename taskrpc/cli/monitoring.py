@@ -11,13 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import srvgen
+from taskrpc import Observers, Role
 from taskrpc.cli.shared.page_link import NotedLink, PageLink
 from taskrpc.cli.shared.remote import Remote
-from taskrpc.core.observer import Observers
-from taskrpc.core.security.accounts import AccountSource
-from taskrpc.core.security.listen_policy import check_listen_policy
-from taskrpc.core.security.roles import Role
-from taskrpc.core.transport.tcp.tcp_network import is_loopback, place_here, split_place
 from taskrpc.course.classroom.register import Register, own_addresses
 from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
@@ -26,6 +22,7 @@ from taskrpc.observe.metrics.tasks import MeasuredStore, task_families
 from taskrpc.robot.tasks.model import RUNNING_KEY
 from taskrpc.robot.tasks.records.store import TaskStore
 from taskrpc.robot.tasks.server import OfferedTasks, load_types
+from taskrpc.spi import AccountSource, check_listen_policy, is_loopback, place_here, split_place
 
 try:
     from taskrpc.bridges.rosbridge.server import RosbridgeServer

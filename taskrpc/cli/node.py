@@ -12,8 +12,7 @@ from taskrpc.cli.shared import graph, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
 from taskrpc.cli.shared.parsing import add_command, add_group, print_names
 from taskrpc.cli.shared.remote import add_connect, add_discovery, remote_of
-from taskrpc.core import names
-from taskrpc.core.wire.messages import ServiceEndpoint, TopicEndpoint
+from taskrpc.spi import ServiceEndpoint, TopicEndpoint, names
 
 _SECTIONS = (
     "Subscribers",

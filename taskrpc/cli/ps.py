@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.processes import Process, clock_time, processes
 from taskrpc.cli.task.view import aligned
-from taskrpc.core import platform
+from taskrpc.spi import platform
 
 _HEADINGS = ("PID", "SINCE", "DOMAIN", "SCRIPT", "FOLDER", "SERVICES")
 

@@ -22,12 +22,12 @@ from taskrpc.cli.shared.command import Exit, UsageError, exit_after, run_main, t
 from taskrpc.cli.shared.parsing import Parser, add_allow_origin, number, whole
 from taskrpc.cli.shared.robots import for_each_robot, task_service
 from taskrpc.cli.shared.task_database import default_database
-from taskrpc.core import names
 from taskrpc.errors import InvalidName, TaskRpcError
+from taskrpc.spi import names
 
 if TYPE_CHECKING:
+    from taskrpc import Observer
     from taskrpc.cli.monitoring import Monitoring
-    from taskrpc.core.observer import Observer
     from taskrpc.course.classroom.attendance import Attendance
     from taskrpc.node import Node
     from taskrpc.observe.recording.run_recorder import RunRecorder
@@ -342,7 +342,7 @@ def _server(
 def _observer(
     attendance: Attendance | None, monitoring: Monitoring | None, recorder: RunRecorder | None
 ) -> Observer | None:
-    from taskrpc.core.observer import Observers
+    from taskrpc import Observers
 
     observers: list[Observer] = [monitoring.observer] if monitoring else []
     if attendance is not None:

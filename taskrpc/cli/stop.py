@@ -12,15 +12,12 @@ from functools import partial
 from typing import Any
 
 import srvgen
-from taskrpc.actions.messages import STATUS_QOS, states_in
-from taskrpc.actions.names import names_of
 from taskrpc.cli.action.action_graph import actions
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.shared.processes import Process, listing, processes
-from taskrpc.core import platform
-from taskrpc.core.transport import suggestions
 from taskrpc.node import Node
+from taskrpc.spi import STATUS_QOS, names_of, platform, states_in, suggestions
 
 END_TIMEOUT = 5.0
 """Seconds that a process gets to end."""

@@ -19,10 +19,8 @@ from types import FrameType
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.shared.page_link import PageLink, noted_links
 from taskrpc.cli.shared.remote import called_lab
-from taskrpc.core.transport import suggestions
-from taskrpc.core.transport.discovery.registry import Registry
-from taskrpc.core.transport.settings import domain_id
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import Registry, domain_id, suggestions
 
 START_TIMEOUT = 20.0
 """Seconds that a new server gets to serve its page."""

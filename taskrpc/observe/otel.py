@@ -13,9 +13,9 @@ from opentelemetry import trace
 from opentelemetry.context import Context
 from opentelemetry.util.types import AttributeValue
 
-from taskrpc.core.callinfo import CallInfo, current_call
-from taskrpc.core.observer import Observer, Outgoing
+from taskrpc import CallInfo, Observer, current_call
 from taskrpc.errors import Code
+from taskrpc.spi import Outgoing
 
 
 class Tracing(Observer):

@@ -78,7 +78,7 @@ class Document:
     def _compose(self, text: str) -> Any:
         import yaml  # not at the top: a server with its own robot class reads no map
 
-        from taskrpc.core import yaml_text
+        from taskrpc.spi import yaml_text
 
         try:
             return yaml_text.compose(text)

@@ -6,11 +6,11 @@ The bundled map, ``maps/default.yaml``, is also an example to copy.
 from importlib import resources
 from pathlib import Path
 
-from taskrpc.core import platform
 from taskrpc.robot.document import Document, MapError, Node
 from taskrpc.robot.kinematics import Point
 from taskrpc.robot.obstacles import Box
 from taskrpc.robot.world import DOCK, World
+from taskrpc.spi import platform
 
 _LARGEST = 1000.0  # metres, for the width and the height
 _ROBOT_RADIUS = 0.25  # metres, if the map has none

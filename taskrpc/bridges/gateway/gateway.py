@@ -13,7 +13,6 @@ from taskrpc.bridges.gateway.account_limits import AccountLimits
 from taskrpc.bridges.gateway.allowed import Allowed
 from taskrpc.bridges.gateway.robot_topics import RobotTopic, topics_of
 from taskrpc.client import Client
-from taskrpc.core.wire.messages import ServiceEndpoint, TopicEndpoint
 from taskrpc.deferred import DeferredCall, DeferredService
 from taskrpc.errors import (
     DeadlineExceeded,
@@ -24,6 +23,7 @@ from taskrpc.errors import (
     TypeMismatch,
 )
 from taskrpc.node import Node
+from taskrpc.spi import ServiceEndpoint, TopicEndpoint
 from taskrpc.topic import Publisher, Subscription
 
 log = logging.getLogger("taskrpc.gateway")

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 
 import msgspec
 
-from taskrpc.core.wire.messages import TopicEndpoint
 from taskrpc.qos import QoS, qos_for_all
+from taskrpc.spi import TopicEndpoint
 
 _LEAST_DEPTH = 10
 """ROS's graph does not show how many messages a publisher keeps; this is ROS's usual depth."""

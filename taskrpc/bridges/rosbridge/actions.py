@@ -9,10 +9,7 @@ from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from typing import Any, TypeAlias
 
 import srvgen
-from taskrpc.actions.client import ActionClient
-from taskrpc.actions.goal_handle import GoalHandle
-from taskrpc.actions.server_goal import ServerGoal
-from taskrpc.actions.states import GoalState
+from taskrpc import ActionClient, GoalHandle, GoalState, ServerGoal
 from taskrpc.bridges.rosbridge.protocol import (
     ActionFeedback,
     ActionResult,

@@ -5,11 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Iterable, Iterator
 
-from taskrpc.core import names
-from taskrpc.core.transport.discovery.entries import RegistryEntry
-from taskrpc.core.wire.messages import ServiceEndpoint, TopicEndpoint
 from taskrpc.errors import DeadlineExceeded
 from taskrpc.node import Node
+from taskrpc.spi import RegistryEntry, ServiceEndpoint, TopicEndpoint, names
 
 TIMEOUT = 5.0
 """Seconds to find out what runs; programs of other machines may be slow."""

@@ -26,9 +26,9 @@ from taskrpc.bridges.rosbridge.types import (
     service_type_name,
 )
 from taskrpc.bridges.rosbridge.values import request_from_json, to_json
-from taskrpc.core.transport.time_of_day import time_of_day_ns
 from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
+from taskrpc.spi import time_of_day_ns
 
 _Fields: TypeAlias = dict[str, Any]
 _Answer: TypeAlias = Callable[[Any], Awaitable[_Fields]]

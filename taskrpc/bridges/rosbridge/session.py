@@ -20,7 +20,6 @@ from taskrpc.bridges.rosbridge.services import OfferedService, ServiceClients
 from taskrpc.bridges.rosbridge.topics import ClientPublisher, ClientSubscription
 from taskrpc.bridges.rosbridge.values import to_json
 from taskrpc.client import DEFAULT_TIMEOUT
-from taskrpc.core.transport.time_of_day import time_of_day_ns
 from taskrpc.errors import (
     OutcomeUnknown,
     ServerBusy,
@@ -29,6 +28,7 @@ from taskrpc.errors import (
     TypeMismatch,
 )
 from taskrpc.node import Node
+from taskrpc.spi import time_of_day_ns
 
 log = logging.getLogger("taskrpc.rosbridge")
 

@@ -6,10 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 
 import srvgen
-from taskrpc.actions.names import action_of_feedback
 from taskrpc.cli.shared import definitions
-from taskrpc.core.transport.discovery.entries import RegistryEntry
-from taskrpc.core.wire.messages import TopicEndpoint
+from taskrpc.spi import RegistryEntry, TopicEndpoint, action_of_feedback
 
 
 class Action:

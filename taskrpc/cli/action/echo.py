@@ -6,17 +6,15 @@ import asyncio
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from taskrpc.actions.messages import FEEDBACK_QOS, STATUS_QOS, ActionMessages
-from taskrpc.actions.names import names_of
 from taskrpc.cli.action.action_graph import action_type, actions
 from taskrpc.cli.service.echo import event_text
 from taskrpc.cli.shared import graph, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted, tune_for_long_run
 from taskrpc.cli.shared.remote import remote_of
 from taskrpc.cli.topic.reading import Feed
-from taskrpc.core.introspection import SUFFIX
 from taskrpc.qos import QoS
 from taskrpc.ros.message_text import Cut, csv_of, yaml_of
+from taskrpc.spi import FEEDBACK_QOS, STATUS_QOS, SUFFIX, ActionMessages, names_of
 
 if TYPE_CHECKING:
     import argparse

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 import srvgen
-from taskrpc.actions.states import GoalState
+from taskrpc import GoalState
 from taskrpc.cli.action.action_graph import action_type, actions
 from taskrpc.cli.service.calling import without_nan
 from taskrpc.cli.shared import graph, quoting
@@ -27,8 +27,7 @@ from taskrpc.errors import (
 from taskrpc.ros.message_text import Cut, yaml_of
 
 if TYPE_CHECKING:
-    from taskrpc.actions.client import ActionClient
-    from taskrpc.actions.goal_handle import GoalHandle
+    from taskrpc import ActionClient, GoalHandle
     from taskrpc.node import Node
 
 _POLL = 0.05

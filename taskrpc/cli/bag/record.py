@@ -11,11 +11,11 @@ import time
 from taskrpc.cli.shared import graph, quoting
 from taskrpc.cli.shared.command import Exit, UsageError, tune_for_long_run
 from taskrpc.cli.shared.remote import Remote, remote_of
-from taskrpc.core.introspection import SUFFIX
 from taskrpc.node import Node
 from taskrpc.observe.recording.mcap_file import RecordingWriter
 from taskrpc.observe.recording.recorder import Recorder, Selection
 from taskrpc.program import stop_requested
+from taskrpc.spi import SUFFIX
 
 _POLL = 0.2
 """Seconds between two looks for new topics."""

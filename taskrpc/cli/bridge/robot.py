@@ -74,8 +74,8 @@ async def serve(options: argparse.Namespace, access: remote.Remote) -> int:
     import asyncio
 
     import srvgen
+    from taskrpc import Role
     from taskrpc.bridges.gateway import AccountLimits, Allowed, Gateway
-    from taskrpc.core.security.roles import Role
     from taskrpc.node import Node
     from taskrpc.program import stop_requested
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import sys
 
+from taskrpc import Tls
 from taskrpc.cli.lab.browser_page import files_of_the_page, serve
 from taskrpc.cli.shared.command import Exit
-from taskrpc.core.security.tls import Tls
 from taskrpc.course.browser_lab.server import PORT, LabServer
 from taskrpc.course.classroom.register import Register
 

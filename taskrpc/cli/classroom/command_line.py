@@ -16,8 +16,8 @@ TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from taskrpc import Account
     from taskrpc.cli.shared.parsing import Commands
-    from taskrpc.core.security.roles import Account
     from taskrpc.course.classroom.register import Place, Register
 
 _PORT = 7450
@@ -90,9 +90,9 @@ def _add_bundle(commands: Commands) -> None:
 def _add_lab(commands: Commands) -> None:
     what = "Serve the first labs to the browsers of laptops that have no Python"
     serving = add_command(commands, "lab", what)
-    what = "the port of the page; browsers keep the students' programs for each port (8737)"
+    what = "The port of the page; browsers keep the programs for each port (default: 8737)"
     serving.add_argument("--port", metavar="N", type=_port, help=what)
-    what = "take Pyodide from this folder, such as browser-lab of a bundle (default: download it)"
+    what = "Take Pyodide from this folder, such as browser-lab of a bundle (default: download)"
     serving.add_argument("--pyodide", metavar="FOLDER", help=what)
     serving.set_defaults(run=_lab)
 
@@ -161,15 +161,15 @@ def _make(options: argparse.Namespace) -> Exit:
 
 
 def _register() -> Register:
-    from taskrpc.core import platform
     from taskrpc.course.classroom.register import Register
+    from taskrpc.spi import platform
 
     return Register(platform.state_dir() / "classroom")
 
 
 def _place(options: argparse.Namespace, register: Register) -> Place:
-    from taskrpc.core.transport.settings import domain_id
     from taskrpc.course.classroom.register import Place, own_addresses
+    from taskrpc.spi import domain_id
 
     hosts = options.address or own_addresses()
     if not hosts:
@@ -199,8 +199,8 @@ def _students(given: str) -> list[str]:
             problem = f"expected a number from 1 to {_MOST_STUDENTS}, got {given[:20]}"
             raise TaskRpcError(f"--students: {problem}")
         return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
-    from taskrpc.core import platform
     from taskrpc.course.classroom.register import cleaned, student_name_problem
+    from taskrpc.spi import platform
 
     try:
         lines = platform.read_text(given, "utf-8-sig").splitlines()
@@ -281,7 +281,7 @@ def _reset(options: argparse.Namespace) -> Exit:
 
     from taskrpc.cli.classroom.reset import REFRESH, confirmed, end_group
     from taskrpc.cli.shared.task_database import default_database
-    from taskrpc.core.security.lab import robot_namespace
+    from taskrpc.spi import robot_namespace
 
     register = _register()
     assert register.place  # raises TaskRpcError if there is no class

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import srvgen
-from taskrpc.core.security.roles import Role
+from taskrpc import Role
 from taskrpc.course.classroom.archive import summary, write_archive
 from taskrpc.course.classroom.attendance import Attendance
 from taskrpc.course.classroom.register import Register

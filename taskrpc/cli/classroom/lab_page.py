@@ -11,11 +11,10 @@ import srvgen
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.cli.shared.robots import task_service
-from taskrpc.core.security.lab import Lab
-from taskrpc.core.transport.tcp.tcp_network import join_place, split_place
 from taskrpc.course.classroom.authority import fingerprint
 from taskrpc.course.classroom.joining import TIMEOUT, visit_now
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import Lab, join_place, split_place
 
 _PLACE = re.compile(r"https://((?:[A-Za-z0-9.-]+|\[[0-9A-Fa-f:.]+\]):[0-9]{1,5})\Z")
 

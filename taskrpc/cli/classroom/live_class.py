@@ -10,11 +10,11 @@ from typing import Any
 
 import msgspec
 
-from taskrpc.core.observer import Connections
 from taskrpc.course.classroom.attendance import last_calls
 from taskrpc.course.classroom.progress import Signs, progress
 from taskrpc.course.classroom.register import Register
 from taskrpc.observe.web.calls import AccountCalls
+from taskrpc.spi import Connections
 
 RECENT = 60.0
 """Seconds after a call for which a student counts as connected: a command such as `taskrpc-call`

@@ -13,15 +13,13 @@ import srvgen
 from taskrpc.cli.classroom.group import RESET
 from taskrpc.cli.shared.command import UsageError, hinted
 from taskrpc.cli.shared.remote import HERE
-from taskrpc.core.transport import suggestions
-from taskrpc.core.transport.discovery.registry import Registry
-from taskrpc.core.transport.settings import domain_id
 from taskrpc.course.classroom.archive import summary, write_archive
 from taskrpc.course.classroom.attendance import Attendance
 from taskrpc.course.classroom.register import Register
 from taskrpc.errors import TaskRpcError
 from taskrpc.robot.tasks.model import Task, TaskState
 from taskrpc.robot.tasks.records.sqlite_store import SqliteStore
+from taskrpc.spi import Registry, domain_id, suggestions
 
 REFRESH = 1.5
 """Seconds until a running server has noticed new accounts; it looks each second."""

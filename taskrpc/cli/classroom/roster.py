@@ -7,16 +7,16 @@ import json
 import time
 from typing import Any
 
+from taskrpc import Account
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.remote import HERE
 from taskrpc.cli.shared.robots import task_service
 from taskrpc.cli.task.task_services import TaskServices
 from taskrpc.cli.task.view import aligned
-from taskrpc.core.security.lab import robot_namespace
-from taskrpc.core.security.roles import Account
 from taskrpc.course.classroom.attendance import last_calls
 from taskrpc.course.classroom.register import Register
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import robot_namespace
 
 _TIMEOUT = 2.0  # seconds for a call of the task server
 _HEADINGS = "NAME", "STATE", "LAST CALL", "WAITING", "UNTIL"

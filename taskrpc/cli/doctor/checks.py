@@ -15,17 +15,20 @@ from pathlib import Path
 import srvgen
 from taskrpc.cli.shared.processes import Process
 from taskrpc.cli.shared.remote import HERE, LISTING_TIMEOUT, Remote, called_lab
-from taskrpc.core import platform
 from taskrpc.core.names import is_hidden
-from taskrpc.core.transport import suggestions
-from taskrpc.core.transport.discovery.entries import RegistryEntry
-from taskrpc.core.transport.limits.keepalive import keepalive_of
-from taskrpc.core.transport.settings import domain_id, environment_peers
-from taskrpc.core.transport.tcp.tcp_network import place_here
-from taskrpc.core.transport.tcp.unix_sockets import is_unix
-from taskrpc.core.wire.messages import ServiceEndpoint
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
+from taskrpc.spi import (
+    RegistryEntry,
+    ServiceEndpoint,
+    domain_id,
+    environment_peers,
+    is_unix,
+    keepalive_of,
+    place_here,
+    platform,
+    suggestions,
+)
 
 
 @dataclass(frozen=True, slots=True)

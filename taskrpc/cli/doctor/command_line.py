@@ -21,9 +21,8 @@ from taskrpc.cli.shared.remote import (
     called_lab,
     remote_of,
 )
-from taskrpc.core.transport.tcp.tcp_network import is_loopback, split_place
-from taskrpc.core.transport.tcp.unix_sockets import is_unix
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import is_loopback, is_unix, split_place
 
 
 def configure(parser: argparse.ArgumentParser) -> None:

@@ -7,10 +7,7 @@ import ssl
 
 from taskrpc.cli.doctor.checks import Finding, problem
 from taskrpc.cli.shared.remote import Remote
-from taskrpc.core.security.lab import Lab, remembered_lab
-from taskrpc.core.security.tls import pinned_context
-from taskrpc.core.transport.tcp.tcp_network import split_place
-from taskrpc.core.transport.tcp.unix_sockets import is_unix
+from taskrpc.spi import Lab, is_unix, pinned_context, remembered_lab, split_place
 
 # OpenSSL's numbers (x509_vfy.h).
 _NOT_YET_VALID, _EXPIRED = 9, 10

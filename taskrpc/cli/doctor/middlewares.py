@@ -8,9 +8,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from taskrpc.cli.doctor.checks import Finding, note, ok, problem
 from taskrpc.cli.shared.remote import Remote
-from taskrpc.core.transport import suggestions
-from taskrpc.core.transport.settings import domain_id, environment_peers
-from taskrpc.core.transport.shared_endpoint import TRANSPORTS, registered
+from taskrpc.core.transport.shared_endpoint import TRANSPORTS
 from taskrpc.errors import TaskRpcError
 from taskrpc.middleware.zenoh.configuration import (
     FILE_VARIABLE,
@@ -18,6 +16,7 @@ from taskrpc.middleware.zenoh.configuration import (
     Configuration,
     configuration_of,
 )
+from taskrpc.spi import domain_id, environment_peers, registered, suggestions
 
 NAMES = {"zenoh": "Zenoh", "ros": "ROS 2"}
 """The transports that are checked here, as the report names them."""

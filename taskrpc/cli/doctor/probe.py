@@ -17,9 +17,8 @@ from taskrpc.cli.doctor import encryption
 from taskrpc.cli.doctor.checks import Finding, ok, problem
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.core.transport.connection.dialling import STOPPED, placed
-from taskrpc.core.transport.tcp.tcp_network import split_place
-from taskrpc.core.transport.tcp.unix_sockets import is_unix, path_of
 from taskrpc.errors import AuthenticationFailed, ConnectionLost, ProtocolError, TaskRpcError
+from taskrpc.spi import is_unix, path_of, split_place
 
 STEP_TIMEOUT = 4.0
 """Seconds for each step."""

@@ -7,9 +7,8 @@ from typing import Any
 
 import srvgen
 from taskrpc.cli.shared.command import NotFound, hinted
-from taskrpc.core import names
-from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.node import Node
+from taskrpc.spi import RegistryEntry, names
 
 _STATE = "/get_state"
 _STATE_TYPE = "lifecycle_msgs/srv/GetState"

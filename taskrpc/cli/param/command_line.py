@@ -152,7 +152,7 @@ async def _list_all(options: argparse.Namespace) -> Exit:
     from taskrpc.cli.param.param_services import ParamServices, checked_owner, owners
     from taskrpc.cli.shared.graph import entries_of
     from taskrpc.cli.shared.quoting import expanded
-    from taskrpc.core import names
+    from taskrpc.spi import names
 
     remote = remote_of(options)
     async with remote.node() as node:

@@ -22,7 +22,7 @@ def _run(options: argparse.Namespace) -> int:
     try:
         import zenoh  # noqa: F401
     except ModuleNotFoundError:
-        from taskrpc.core.security.installing import install_command
+        from taskrpc.spi import install_command
 
         command = install_command("zenoh", "eclipse-zenoh")
         problem = f"taskrpc router needs eclipse-zenoh: {command}"

@@ -12,8 +12,7 @@ from taskrpc.cli.shared.parsing import Commands, add_command, add_group, print_n
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
-    from taskrpc.core.transport.discovery.entries import RegistryEntry
-    from taskrpc.core.wire.messages import ServiceEndpoint
+    from taskrpc.spi import RegistryEntry, ServiceEndpoint
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -107,7 +106,7 @@ def _echo(options: argparse.Namespace) -> int:
 
 
 def _list(options: argparse.Namespace) -> int:
-    from taskrpc.core.transport import suggestions
+    from taskrpc.spi import suggestions
 
     found = suggestions.services(_look(options), hidden=options.include_hidden_services)
     if options.count_services:
@@ -124,7 +123,7 @@ def _list(options: argparse.Namespace) -> int:
 
 def _find(options: argparse.Namespace) -> int:
     from taskrpc.cli.shared.definitions import service_type_name
-    from taskrpc.core.transport import suggestions
+    from taskrpc.spi import suggestions
 
     wanted = service_type_name(options.service_type)
     found = suggestions.services(_look(options), hidden=options.include_hidden_services)
@@ -133,7 +132,7 @@ def _find(options: argparse.Namespace) -> int:
 
 
 def _type(options: argparse.Namespace) -> int:
-    from taskrpc.core.transport import suggestions
+    from taskrpc.spi import suggestions
 
     name, entries = quoting.expanded(options.service_name), _look(options)
     types = suggestions.services(entries, hidden=True).get(name)

@@ -15,15 +15,15 @@ from taskrpc.cli.shared.definitions import service_type_name
 from taskrpc.cli.shared.remote import remote_of
 from taskrpc.cli.topic.reading import Feed
 from taskrpc.cli.topic.topic_graph import topics
-from taskrpc.core.transport import suggestions
 from taskrpc.qos import QoS
 from taskrpc.ros.message_text import Cut, csv_of, plain
+from taskrpc.spi import suggestions
 
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterable
 
-    from taskrpc.core.transport.discovery.entries import RegistryEntry
+    from taskrpc.spi import RegistryEntry
 
 _DEPTH = 100
 

@@ -107,7 +107,7 @@ def guarded(action: Callable[[list[str]], int], argv: list[str]) -> int:
 
     A user's mistake becomes one message on stderr; one line of JSON if `argv` has `--json`.
     """
-    from taskrpc.core import platform
+    from taskrpc.spi import platform
 
     platform.prepare_output()
     try:

@@ -7,14 +7,12 @@ from collections.abc import Iterable
 
 from taskrpc.cli.shared.command import hinted
 from taskrpc.cli.shared.remote import HERE, Remote, called_lab
-from taskrpc.core import platform
 from taskrpc.core.transport.connection.dialling import STOPPED
-from taskrpc.core.transport.discovery.entries import RegistryEntry, entry_of
-from taskrpc.core.transport.settings import domain_id
+from taskrpc.core.transport.discovery.entries import entry_of
 from taskrpc.core.transport.suggestions import domains, like, nothing_offered, others
-from taskrpc.core.wire.messages import ServiceEndpoint, TopicEndpoint
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
+from taskrpc.spi import RegistryEntry, ServiceEndpoint, TopicEndpoint, domain_id, platform
 
 _PATIENCE = 2.0
 """Seconds for a middleware to find the first other program; DDS may repeat its question."""
@@ -54,7 +52,7 @@ def gid(entry: RegistryEntry, endpoint: ServiceEndpoint | TopicEndpoint, kind: i
 
     `kind` is the value of rclpy's `EndpointTypeEnum`.
     """
-    from taskrpc.core.introspection import gid_of
+    from taskrpc.spi import gid_of
 
     numbers = gid_of(entry.pid, endpoint.node, endpoint.name, kind)
     return ".".join(f"{each:02x}" for each in numbers)

@@ -12,10 +12,8 @@ from operator import itemgetter
 
 import msgspec
 
-from taskrpc.core import platform
 from taskrpc.core.transport.discovery.registry import domain_folder
-from taskrpc.core.transport.settings import domain_id
-from taskrpc.core.transport.tcp.tcp_network import is_loopback, split_place
+from taskrpc.spi import domain_id, is_loopback, platform, split_place
 
 _LONGEST = 65_536
 """Bytes of the longest file that is read."""

@@ -7,9 +7,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from taskrpc.core import names
-from taskrpc.core.transport import suggestions
-from taskrpc.core.transport.discovery.entries import RegistryEntry
+from taskrpc.spi import RegistryEntry, names, suggestions
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ import re
 from collections.abc import Sequence
 
 from taskrpc.cli.shared.command import hinted
-from taskrpc.core import names
 from taskrpc.errors import InvalidName, InvalidRequest
+from taskrpc.spi import names
 
 _CURLY = "\u201c\u201d\u201e\u2018\u2019\u201a"
 _WINDOWS_PATH = re.compile(r"[A-Za-z]:[/\\].*?(?P<rest>[^/\\]*)")

@@ -13,10 +13,9 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     import argparse
 
-    from taskrpc.core.security.lab import Lab
-    from taskrpc.core.security.tls import Tls
-    from taskrpc.core.wire.messages import Listing
+    from taskrpc import Tls
     from taskrpc.node import Node
+    from taskrpc.spi import Lab, Listing
 
 LISTING_TIMEOUT = 4.0
 """Seconds that a program gets to list its services."""
@@ -47,7 +46,7 @@ class Remote:
     @property
     def places(self) -> list[str]:
         """The addresses to call in addition to those in the registry of this machine."""
-        from taskrpc.core.transport.settings import environment_peers
+        from taskrpc.spi import environment_peers
 
         if self.transport != "tcp":
             return []
@@ -74,11 +73,7 @@ class Remote:
 
         Raises AuthenticationFailed, ProtocolError, ConnectionLost, or the program's own error.
         """
-        from taskrpc.core.security.lab import remembered_lab
-        from taskrpc.core.transport.endpoint import Endpoint
-        from taskrpc.core.transport.settings import domain_id
-        from taskrpc.core.transport.tcp.tcp_network import TcpNetwork
-        from taskrpc.core.wire.messages import Resolve
+        from taskrpc.spi import Endpoint, Resolve, TcpNetwork, domain_id, remembered_lab
 
         token = self.token or os.environ.get("TASKRPC_TOKEN") or ""
         secret, lab = token.encode() or None, remembered_lab()
@@ -106,8 +101,7 @@ def called_lab() -> Lab | None:
 
     Raises TaskRpcError if the file of the lab is invalid.
     """
-    from taskrpc.core.security.lab import remembered_lab
-    from taskrpc.core.transport.settings import environment_peers
+    from taskrpc.spi import environment_peers, remembered_lab
 
     return None if environment_peers() else remembered_lab()
 
@@ -147,7 +141,7 @@ def place(text: str) -> str:
     """Return a valid `HOST:PORT` argument. Raises argparse's ArgumentTypeError."""
     from argparse import ArgumentTypeError
 
-    from taskrpc.core.transport.tcp.tcp_network import split_place
+    from taskrpc.spi import split_place
 
     try:
         split_place(text)
@@ -162,7 +156,7 @@ def any_place(text: str) -> str:
         return place(text)
     from argparse import ArgumentTypeError
 
-    from taskrpc.core.transport.tcp.unix_sockets import checked_unix
+    from taskrpc.spi import checked_unix
 
     try:
         return text if text == "unix:" else checked_unix(text)
@@ -194,7 +188,7 @@ def _tls(options: argparse.Namespace) -> Tls | None:
     files = options.tls_cert, options.tls_key, options.tls_ca
     if not any(files):
         return None
-    from taskrpc.core.security.tls import Tls
+    from taskrpc import Tls
 
     return Tls(*files)
 
@@ -202,7 +196,7 @@ def _tls(options: argparse.Namespace) -> Tls | None:
 def _token(file: str | None) -> str | None:
     if not file:
         return None
-    from taskrpc.core import platform
+    from taskrpc.spi import platform
 
     try:
         with open(file, encoding="utf-8") as opened:

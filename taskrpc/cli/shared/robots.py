@@ -7,9 +7,7 @@ from pathlib import Path
 
 from taskrpc.cli.shared.command import UsageError
 from taskrpc.cli.shared.remote import called_lab
-from taskrpc.core.security.lab import robot_namespace
-from taskrpc.core.transport.discovery.registry import Registry
-from taskrpc.core.transport.settings import domain_id
+from taskrpc.spi import Registry, domain_id, robot_namespace
 
 _SINGLE = {
     "record": "--record records one robot",

@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from taskrpc.cli.shared.robots import suffix_of
-from taskrpc.core import platform
-from taskrpc.core.transport.settings import domain_id
+from taskrpc.spi import domain_id, platform
 
 
 def default_database(namespace: str = "/") -> Path:

@@ -11,8 +11,8 @@ from srvgen import FieldError
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import hinted
 from taskrpc.cli.shared.quoting import NotAMapping, not_populated
-from taskrpc.core import yaml_text
 from taskrpc.errors import InvalidRequest
+from taskrpc.spi import yaml_text
 
 _MERGE = "tag:yaml.org,2002:merge"
 _TYPE_SLIP = re.compile(r"[A-Za-z]\w*(?:(?:\.|::)\w+){1,2}|[A-Z]\w*")

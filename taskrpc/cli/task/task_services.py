@@ -11,7 +11,6 @@ from taskrpc.cli.shared.command import NotFound
 from taskrpc.cli.shared.graph import why_unavailable
 from taskrpc.cli.shared.remote import HERE, Remote
 from taskrpc.client import Client
-from taskrpc.core import names
 from taskrpc.errors import (
     Code,
     ConnectionLost,
@@ -23,6 +22,7 @@ from taskrpc.errors import (
     TypeMismatch,
 )
 from taskrpc.node import Node
+from taskrpc.spi import names
 
 DEFAULT_SERVICE = "/robot_task"
 DEFAULT_TIMEOUT = 10.0

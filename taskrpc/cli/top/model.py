@@ -11,10 +11,8 @@ from typing import NamedTuple, TypeAlias
 
 import msgspec
 
-from taskrpc.core import names
-from taskrpc.core.transport.base import ProgramStatistics
-from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.core.wire.statistics import ServiceStatistics, Statistics, is_error, percentile, rate
+from taskrpc.spi import ProgramStatistics, RegistryEntry, names
 
 WINDOW = 5.0
 """Seconds of which rates and latencies are shown; one reading back if the readings are rarer."""

@@ -12,11 +12,9 @@ import srvgen
 from taskrpc.cli.shared.command import is_mistake
 from taskrpc.cli.task.view import printable, work_of
 from taskrpc.cli.top.model import History, Pose, TaskRow, TaskServerRow, View
-from taskrpc.core.transport.base import ProgramStatistics
-from taskrpc.core.transport.discovery.entries import RegistryEntry
-from taskrpc.core.transport.settings import domain_id
 from taskrpc.core.transport.suggestions import domains
 from taskrpc.qos import QoS
+from taskrpc.spi import ProgramStatistics, RegistryEntry, domain_id
 
 if TYPE_CHECKING:
     from taskrpc.client import Client

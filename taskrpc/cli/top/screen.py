@@ -16,7 +16,7 @@ from rich.text import Text
 
 from taskrpc.cli.top.model import View
 from taskrpc.cli.top.picture import ASCII, UNICODE, Line, Role, picture
-from taskrpc.core import platform
+from taskrpc.spi import platform
 
 _STYLES = {
     Role.PLAIN: "",

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 from taskrpc.cli.shared.command import hinted
 from taskrpc.cli.shared.quoting import NotAMapping
 from taskrpc.cli.shared.values import from_fields, read_fields
-from taskrpc.core import platform
 from taskrpc.errors import InvalidRequest, TaskRpcError
+from taskrpc.spi import platform
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -48,7 +48,7 @@ def documents(path: str) -> list[str]:
     """Return the YAML documents of a file as texts, without empty ones. Raises TaskRpcError."""
     import yaml
 
-    from taskrpc.core import yaml_text
+    from taskrpc.spi import yaml_text
 
     try:
         text = platform.read_text(path)

@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     import argparse
     from typing import TypeAlias
 
-    from taskrpc.core.wire.messages import TopicEndpoint
     from taskrpc.qos import Durability, QoS, Reliability
+    from taskrpc.spi import TopicEndpoint
 
 Profile: TypeAlias = "tuple[int, Reliability, Durability]"
 _PROFILES: dict[str, Profile] = {

@@ -12,8 +12,8 @@ from taskrpc.cli.shared.remote import Remote, remote_of
 from taskrpc.cli.topic.pub import message_class
 from taskrpc.cli.topic.qos_options import qos_to_subscribe
 from taskrpc.cli.topic.topic_graph import Topic, topics
-from taskrpc.core.execution.callbacks import DaemonThreads
 from taskrpc.errors import InvalidRequest
+from taskrpc.spi import DaemonThreads
 
 if TYPE_CHECKING:
     import argparse

@@ -10,9 +10,7 @@ from taskrpc.cli.shared import graph, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
 from taskrpc.cli.shared.parsing import print_names
 from taskrpc.cli.shared.remote import remote_of
-from taskrpc.core import names
-from taskrpc.core.transport.discovery.entries import RegistryEntry
-from taskrpc.core.wire.messages import TopicEndpoint
+from taskrpc.spi import RegistryEntry, TopicEndpoint, names
 
 if TYPE_CHECKING:
     import argparse

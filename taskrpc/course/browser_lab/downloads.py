@@ -12,8 +12,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path, PurePosixPath
 from typing import Final, NamedTuple
 
-from taskrpc.core import platform
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import platform
 
 TIMEOUT: Final = 30.0
 """Seconds without data after which a download is given up."""

@@ -17,9 +17,8 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, Final
 
-from taskrpc.core import platform
-from taskrpc.core.transport.tcp.tcp_network import join_place
 from taskrpc.errors import CannotListen
+from taskrpc.spi import join_place, platform
 
 PORT: Final = 8737
 """The default port; it is always the same, because browsers keep the students' files for it."""

@@ -9,9 +9,9 @@ from typing import Any
 
 import msgspec
 
-from taskrpc.core import platform
 from taskrpc.course.classroom.attendance import last_calls
 from taskrpc.course.classroom.register import Register
+from taskrpc.spi import platform
 
 FOLDER = "archive"
 """The folder of these files in the folder of the class."""

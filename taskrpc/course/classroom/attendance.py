@@ -8,9 +8,8 @@ from pathlib import Path
 
 import msgspec
 
-from taskrpc.core import platform
-from taskrpc.core.callinfo import CallInfo
-from taskrpc.core.observer import Observer
+from taskrpc import CallInfo, Observer
+from taskrpc.spi import platform
 
 WRITE_EVERY = 5.0
 """Seconds between two writes to the disk."""

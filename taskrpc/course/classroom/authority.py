@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from taskrpc.core import platform
-from taskrpc.core.security.tls import first_certificate
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import first_certificate, platform
 
 if TYPE_CHECKING:
     from cryptography import x509

@@ -6,13 +6,10 @@ import asyncio
 import ssl
 import time
 
-from taskrpc.core.security.lab import Lab
-from taskrpc.core.transport.endpoint import Endpoint
-from taskrpc.core.transport.tcp.tcp_network import TcpNetwork, split_place
-from taskrpc.core.wire.messages import Listing, Resolve
 from taskrpc.course.classroom.authority import fingerprint
 from taskrpc.course.classroom.invitation import Invitation
 from taskrpc.errors import AuthenticationFailed, ServiceUnavailable, TaskRpcError
+from taskrpc.spi import Endpoint, Lab, Listing, Resolve, TcpNetwork, split_place
 
 TIMEOUT = 4.0
 """Seconds for each address of a join string."""

@@ -14,13 +14,11 @@ from pathlib import Path
 
 import msgspec
 
-from taskrpc.core import platform
-from taskrpc.core.security.account_file import AccountFile, Row
-from taskrpc.core.security.lab import robot_namespace
-from taskrpc.core.security.roles import Account, account_name_problem
+from taskrpc import Account
 from taskrpc.course.classroom.authority import files_in
 from taskrpc.course.classroom.invitation import Invitation, to_join_string
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import AccountFile, Row, account_name_problem, platform, robot_namespace
 
 _SECRET_BYTES = 18
 

@@ -21,9 +21,9 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
 
-from taskrpc.core import platform
 from taskrpc.course.labs.starter import RECORD, read_record
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import platform
 
 LARGEST = 20 * 2**20
 """Most bytes of a submission."""

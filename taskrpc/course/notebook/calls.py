@@ -9,10 +9,9 @@ from collections.abc import Callable
 
 import msgspec
 
-from taskrpc.core import names
-from taskrpc.core.callinfo import CallInfo
-from taskrpc.core.observer import Observer
+from taskrpc import CallInfo, Observer
 from taskrpc.errors import Code
+from taskrpc.spi import names
 
 MOST_CALLS = 8
 """Calls that are kept."""

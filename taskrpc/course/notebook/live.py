@@ -9,9 +9,9 @@ import time
 from collections.abc import Callable
 
 import taskrpc.sync
+from taskrpc import Observer
 from taskrpc.cli.top.model import TaskServerRow
 from taskrpc.cli.top.reading import TaskServerReader, task_services
-from taskrpc.core.observer import Observer
 from taskrpc.course.notebook.calls import CallList
 from taskrpc.course.notebook.jupyter import Picture
 from taskrpc.course.notebook.picture import Shown, html, text

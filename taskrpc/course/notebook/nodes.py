@@ -12,8 +12,8 @@ import weakref
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from taskrpc.core.observer import ObservedNode
 from taskrpc.course.notebook.calls import CallList
+from taskrpc.spi import ObservedNode
 
 _LONGEST = 5.0
 """Seconds that the end of a node may take."""

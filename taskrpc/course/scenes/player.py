@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from taskrpc.core.observer import Observer
+from taskrpc import Observer
 from taskrpc.course.scenes import moments
 from taskrpc.course.scenes.moments import Moment
 from taskrpc.course.scenes.scene import Excerpt, Scene

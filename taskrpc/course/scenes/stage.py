@@ -11,8 +11,7 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from taskrpc.core.callinfo import CallInfo
-from taskrpc.core.observer import Observer, Observers
+from taskrpc import CallInfo, Observer, Observers
 from taskrpc.course.scenes import moments
 from taskrpc.course.scenes.scene import Scene
 from taskrpc.node import Node

@@ -13,7 +13,7 @@ from importlib import import_module
 from typing import Any
 
 from srvgen._runtime import ARRAY_CLASSES
-from taskrpc.core.transport.codec import KEPT_CLASSES
+from taskrpc.spi import KEPT_CLASSES
 
 Convert = Callable[[Any], Any]
 

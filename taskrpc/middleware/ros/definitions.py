@@ -9,7 +9,7 @@ from typing import Any
 
 import srvgen
 from srvgen.definitions.lines import join_full_text
-from taskrpc.core.transport.codec import KEPT_CLASSES
+from taskrpc.spi import KEPT_CLASSES
 
 _NAMES = {"boolean": "bool", "octet": "byte", "float": "float32", "double": "float64"}
 """The types that IDL and .msg files name differently."""

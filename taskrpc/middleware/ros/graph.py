@@ -7,10 +7,9 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from taskrpc.core.transport.discovery.entries import RegistryEntry
-from taskrpc.core.wire.messages import ServiceEndpoint, TopicEndpoint
 from taskrpc.middleware.ros import qualities
 from taskrpc.middleware.ros.program_links import id_of_node
+from taskrpc.spi import RegistryEntry, ServiceEndpoint, TopicEndpoint
 
 ENCLAVE = "/taskrpc/program_"
 """The beginning of the enclave of taskrpc programs, which ROS's graph shows for each node. Without

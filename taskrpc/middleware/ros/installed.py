@@ -12,8 +12,8 @@ from typing import Any
 
 from srvgen.files import archive
 from srvgen.files.search import BUNDLED
-from taskrpc.core.transport.codec import KEPT_CLASSES
 from taskrpc.errors import TaskRpcError, TypeMismatch
+from taskrpc.spi import KEPT_CLASSES
 
 _OURS = Path(__file__).resolve().parents[2] / "ros" / "packages" / "rclpy"
 _PARTS = (

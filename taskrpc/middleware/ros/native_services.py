@@ -8,13 +8,10 @@ from collections.abc import Callable
 from typing import Any
 
 from srvgen import FieldError
-from taskrpc.core.transport.base import OnDone
-from taskrpc.core.transport.codec import ServiceType
-from taskrpc.core.transport.engine import NativeReply
-from taskrpc.core.transport.tunnel.handoff import Handoff
 from taskrpc.errors import InvalidRequest, OutcomeUnknown, TaskRpcError
 from taskrpc.middleware.ros import qualities
 from taskrpc.middleware.ros.conversion import from_ros, to_ros
+from taskrpc.spi import Handoff, NativeReply, OnDone, ServiceType
 
 log = logging.getLogger("taskrpc.transport")
 

@@ -13,16 +13,11 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from taskrpc.core.transport.base import Deliver, OnMismatch
-from taskrpc.core.transport.tunnel import cdr
-from taskrpc.core.transport.tunnel.handoff import Handoff
-from taskrpc.core.wire.frames import Body
-from taskrpc.core.wire.messages import TopicEndpoint
-from taskrpc.core.wire.topics import qos_mismatch_text
 from taskrpc.errors import InvalidRequest
 from taskrpc.middleware.ros import bytes_message, qualities
 from taskrpc.middleware.ros.conversion import from_ros
 from taskrpc.middleware.ros.spinning import Ending, wait_until_sent
+from taskrpc.spi import Body, Deliver, Handoff, OnMismatch, TopicEndpoint, cdr, qos_mismatch_text
 
 log = logging.getLogger("taskrpc.transport")
 

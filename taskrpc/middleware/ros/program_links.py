@@ -15,9 +15,8 @@ from collections import deque
 from collections.abc import Iterable
 from typing import Any
 
-from taskrpc.core.transport.engine import EngineEvents
-from taskrpc.core.transport.tunnel.handoff import Handoff
 from taskrpc.middleware.ros import bytes_message, qualities
+from taskrpc.spi import EngineEvents, Handoff
 
 log = logging.getLogger("taskrpc.transport")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from taskrpc.core.wire.messages import TopicEndpoint
+from taskrpc.spi import TopicEndpoint
 
 MAX_DEPTH = 5000
 """The most messages that are kept. DDS reserves the places, so a larger depth costs memory."""

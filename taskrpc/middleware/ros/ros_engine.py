@@ -10,21 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 import srvgen
-from taskrpc.core.transport.base import Deliver, OnDone, OnMismatch
-from taskrpc.core.transport.codec import ServiceType
-from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry
-from taskrpc.core.transport.engine import (
-    Cancelable,
-    Closable,
-    EngineEvents,
-    ForeignServer,
-    NativeReply,
-)
-from taskrpc.core.transport.settings import Settings
 from taskrpc.core.transport.tunnel.directory import entry_in
-from taskrpc.core.transport.tunnel.handoff import Handoff
-from taskrpc.core.transport.tunnel.tunnel_network import TunnelNetwork
-from taskrpc.core.wire.messages import ServiceEndpoint, TopicEndpoint
 from taskrpc.errors import ProtocolError, TaskRpcError, TypeMismatch
 from taskrpc.middleware.ros import bytes_message, types
 from taskrpc.middleware.ros.graph import ENCLAVE, Graph
@@ -34,6 +20,24 @@ from taskrpc.middleware.ros.native_topics import Carrier, NativePublisher, Nativ
 from taskrpc.middleware.ros.program_links import NODE, ProgramLinks, place_of
 from taskrpc.middleware.ros.security import is_on, security_problem
 from taskrpc.middleware.ros.spinning import Ending, Spinner, wait_until_sent
+from taskrpc.spi import (
+    Cancelable,
+    Closable,
+    Deliver,
+    EngineEvents,
+    EntryChange,
+    ForeignServer,
+    Handoff,
+    NativeReply,
+    OnDone,
+    OnMismatch,
+    RegistryEntry,
+    ServiceEndpoint,
+    ServiceType,
+    Settings,
+    TopicEndpoint,
+    TunnelNetwork,
+)
 
 log = logging.getLogger("taskrpc.transport")
 

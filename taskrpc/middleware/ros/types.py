@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import srvgen
-from taskrpc.core.transport.codec import ServiceType
 from taskrpc.errors import TypeMismatch
 from taskrpc.middleware.ros.definitions import action_of_ros, message_of_ros, service_of_ros
 from taskrpc.middleware.ros.installed import NotBuilt, action_part, ros_class
+from taskrpc.spi import ServiceType
 
 
 def ros_service(srv_type: ServiceType) -> Any:

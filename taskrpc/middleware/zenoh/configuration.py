@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
-from taskrpc.core.transport.tcp.tcp_network import is_loopback as is_loopback_host
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import is_loopback as is_loopback_host
 
 DEFAULT_PORT = 7447
 DEFAULT_ROUTER = f"tcp/localhost:{DEFAULT_PORT}"

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 
-from taskrpc.core.transport.discovery.entries import RegistryEntry
-from taskrpc.core.wire.messages import ServiceEndpoint, TopicEndpoint
 from taskrpc.middleware.zenoh import tokens
 from taskrpc.middleware.zenoh.tokens import Kind, Token
+from taskrpc.spi import RegistryEntry, ServiceEndpoint, TopicEndpoint
 
 
 class Graph:

@@ -8,17 +8,14 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import srvgen
 import zenoh
-from taskrpc.core.transport.base import OnDone
-from taskrpc.core.transport.codec import ServiceType
-from taskrpc.core.transport.engine import NativeReply
-from taskrpc.core.transport.tunnel import cdr
-from taskrpc.core.transport.tunnel.handoff import Handoff
+
+import srvgen
 from taskrpc.errors import Code, HandlerFailed, InvalidRequest, OutcomeUnknown, TaskRpcError
 from taskrpc.middleware.zenoh import attachment
 from taskrpc.middleware.zenoh.attachment import Attachment
 from taskrpc.middleware.zenoh.session import handler, reason_of
+from taskrpc.spi import Handoff, NativeReply, OnDone, ServiceType, cdr
 
 log = logging.getLogger("taskrpc.transport")
 

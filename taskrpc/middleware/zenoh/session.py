@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import zenoh
-from taskrpc.core.transport.tunnel.handoff import Handoff
+
 from taskrpc.errors import TaskRpcError
 from taskrpc.middleware.zenoh.configuration import (
     FILE_VARIABLE,
@@ -15,6 +15,7 @@ from taskrpc.middleware.zenoh.configuration import (
     Configuration,
     start_command,
 )
+from taskrpc.spi import Handoff
 
 _T = TypeVar("_T")
 _SOURCE = re.compile(r" at /\S+\.rs:\d+\.?")

@@ -11,18 +11,14 @@ from functools import partial
 from typing import Any
 
 import msgspec
-
 import zenoh
-from taskrpc.core.transport.base import Deliver, OnMismatch
-from taskrpc.core.transport.tunnel import cdr
-from taskrpc.core.transport.tunnel.handoff import Handoff
-from taskrpc.core.wire.frames import Body
-from taskrpc.core.wire.messages import TopicEndpoint
+from zenoh import ext
+
 from taskrpc.middleware.zenoh import attachment
 from taskrpc.middleware.zenoh.graph import Graph
 from taskrpc.middleware.zenoh.session import handler
 from taskrpc.middleware.zenoh.tokens import Kind, Token
-from zenoh import ext
+from taskrpc.spi import Body, Deliver, Handoff, OnMismatch, TopicEndpoint, cdr
 
 log = logging.getLogger("taskrpc.transport")
 

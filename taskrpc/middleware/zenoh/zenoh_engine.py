@@ -18,20 +18,7 @@ from functools import partial
 from typing import Any, TypeVar
 
 import zenoh
-from taskrpc.core.transport.base import (
-    Deliver,
-    OnDone,
-    OnMismatch,
-    TopicPublisher,
-    TopicSubscription,
-)
-from taskrpc.core.transport.codec import ServiceType
-from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry
-from taskrpc.core.transport.engine import Closable, EngineEvents, ForeignServer, NativeReply
-from taskrpc.core.transport.settings import Settings
-from taskrpc.core.transport.tunnel.handoff import Handoff
-from taskrpc.core.transport.tunnel.tunnel_network import TunnelNetwork
-from taskrpc.core.wire.messages import ServiceEndpoint, TopicEndpoint
+
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.middleware.zenoh import keys
 from taskrpc.middleware.zenoh.configuration import Configuration, configuration_of
@@ -51,6 +38,25 @@ from taskrpc.middleware.zenoh.topics import (
     TopicSetup,
     ZenohPublisher,
     ZenohSubscription,
+)
+from taskrpc.spi import (
+    Closable,
+    Deliver,
+    EngineEvents,
+    EntryChange,
+    ForeignServer,
+    Handoff,
+    NativeReply,
+    OnDone,
+    OnMismatch,
+    RegistryEntry,
+    ServiceEndpoint,
+    ServiceType,
+    Settings,
+    TopicEndpoint,
+    TopicPublisher,
+    TopicSubscription,
+    TunnelNetwork,
 )
 
 _Topic = TypeVar("_Topic", bound=NativeTopic)

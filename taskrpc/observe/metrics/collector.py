@@ -10,11 +10,11 @@ from typing import Protocol
 
 import msgspec
 
-from taskrpc.core.callinfo import CallInfo
-from taskrpc.core.observer import Connections, NodeStatus, ObservedNode, Observer
+from taskrpc import CallInfo, NodeStatus, Observer
 from taskrpc.errors import Code
 from taskrpc.observe.metrics.prometheus import Family, Histogram, Kind, Sample, by_label, render
 from taskrpc.observe.metrics.topics import TopicCounts
+from taskrpc.spi import Connections, ObservedNode
 
 log = logging.getLogger("taskrpc.metrics")
 

@@ -6,13 +6,13 @@ import asyncio
 from collections import Counter
 from collections.abc import Sequence
 
-from taskrpc.core.request_ids.ids import ClientKey, Completion
 from taskrpc.observe.metrics.collector import store_families
 from taskrpc.observe.metrics.prometheus import Family, Histogram, Kind, Sample, by_label
 from taskrpc.robot.tasks.managed import ManagedTasks
 from taskrpc.robot.tasks.model import PRIORITY_MAX, PRIORITY_MIN, Task, TaskState
 from taskrpc.robot.tasks.records.sqlite_store import SqliteStore
 from taskrpc.robot.tasks.records.store import Stored, TaskStore
+from taskrpc.spi import ClientKey, Completion
 
 _ROBOT_STATES = ("idle", "working", "paused")
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
-from taskrpc.core.observer import NodeStatus, TopicStatus
+from taskrpc import NodeStatus
 from taskrpc.observe.metrics.prometheus import Family, Kind, Sample, by_label
+from taskrpc.spi import TopicStatus
 
 # label of the place of a loss -> field of `TopicStatus`
 _LOSSES = {

@@ -11,11 +11,11 @@ from typing import Any
 import msgspec
 
 import srvgen
-from taskrpc.core.introspection import SUFFIX
 from taskrpc.errors import TaskRpcError
 from taskrpc.observe.recording.mcap_file import JSON, Message, Topic
 from taskrpc.observe.recording.player import playable_class
 from taskrpc.observe.recording.schemas import is_event
+from taskrpc.spi import SUFFIX
 
 CALLS_TOPIC = "/taskrpc/calls"
 """The topic with a `CallEnd` for each call, as JSON."""

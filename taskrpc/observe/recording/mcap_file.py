@@ -18,9 +18,9 @@ from typing import Any, BinaryIO
 
 import msgspec
 
-from taskrpc.core.security.installing import install_command
 from taskrpc.errors import TaskRpcError
 from taskrpc.qos import QoS
+from taskrpc.spi import install_command
 
 try:
     from mcap import records

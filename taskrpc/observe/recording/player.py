@@ -9,13 +9,13 @@ from typing import Any
 import msgspec
 
 import srvgen
-from taskrpc.core.introspection import SUFFIX
 from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
 from taskrpc.observe.recording.mcap_file import CDR, Message, Topic, one_line
 from taskrpc.observe.recording.recorder import message_class
 from taskrpc.observe.recording.schemas import class_from, is_event
 from taskrpc.observe.recording.sqlite_file import AnyRecording
+from taskrpc.spi import SUFFIX
 from taskrpc.topic import Publisher
 
 _REQUEST_STEPS = (0, 1)

@@ -11,15 +11,11 @@ import msgspec
 
 import srvgen
 from srvgen.classes.loader import search
-from taskrpc.core import names
-from taskrpc.core.introspection import SUFFIX
-from taskrpc.core.transport.discovery.entries import RegistryEntry
-from taskrpc.core.transport.time_of_day import time_of_day_ns
-from taskrpc.core.wire.messages import TopicEndpoint
 from taskrpc.message_types import MsgT
 from taskrpc.observe.recording.mcap_file import RecordingWriter
 from taskrpc.observe.recording.schemas import EVENT, schema_text
 from taskrpc.qos import QoS, qos_for_all
+from taskrpc.spi import SUFFIX, RegistryEntry, TopicEndpoint, names, time_of_day_ns
 
 log = logging.getLogger("taskrpc.recording")
 

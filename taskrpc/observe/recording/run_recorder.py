@@ -17,10 +17,7 @@ import msgspec
 import srvgen
 from srvgen.cdr.encode import encoder_of
 from srvgen.classes.loader import search
-from taskrpc.core.callinfo import CallInfo
-from taskrpc.core.introspection import SUFFIX, gid_of, service_event
-from taskrpc.core.observer import Observer
-from taskrpc.core.transport.time_of_day import time_of_day_ns
+from taskrpc import CallInfo, Observer
 from taskrpc.errors import Code
 from taskrpc.node import Node
 from taskrpc.observe.recording.calls import CALLS_TOPIC, CallEnd
@@ -37,6 +34,7 @@ from taskrpc.observe.recording.recorder import Recorder, Selection
 from taskrpc.observe.recording.schemas import EVENT, schema_text
 from taskrpc.robot.tasks.model import Task
 from taskrpc.robot.tasks.server import TaskServer
+from taskrpc.spi import SUFFIX, gid_of, service_event, time_of_day_ns
 
 log = logging.getLogger("taskrpc.recording")
 

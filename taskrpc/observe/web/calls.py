@@ -15,12 +15,11 @@ from typing import Any
 
 import msgspec
 
-from taskrpc.core.callinfo import CallInfo
-from taskrpc.core.observer import Observer
-from taskrpc.core.request_ids.ids import ReceivedId
+from taskrpc import CallInfo, Observer
 from taskrpc.errors import Code
 from taskrpc.observe.web.streams import MAX_CALLS, CallsEvent
 from taskrpc.robot.tasks.page_events import client_label
+from taskrpc.spi import ReceivedId
 
 SLOW = 0.05
 """Seconds after which a call is shown although it has not ended."""

@@ -13,14 +13,12 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 import srvgen
-from taskrpc.core import names
-from taskrpc.core.introspection import SUFFIX, gid_of
-from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
 from taskrpc.observe.web.calls import Caller, CallLog, ShownCall, live_callers
 from taskrpc.observe.web.transforms import TransformWatch
 from taskrpc.qos import QoS
+from taskrpc.spi import SUFFIX, RegistryEntry, gid_of, names
 from taskrpc.topic import Subscription
 
 MAX_EVENT_TOPICS = 20

@@ -13,12 +13,9 @@ from typing import Any, Protocol, Self, TypeAlias, cast
 import msgspec
 from aiohttp import HttpVersion11, web
 
-from taskrpc.core.security.tls import ServerTls, Tls
+from taskrpc import Tls
 from taskrpc.core.transport.connection.connection import shown
-from taskrpc.core.transport.limits.log_throttling import ThrottledLog
-from taskrpc.core.transport.network import Factory
-from taskrpc.core.transport.tcp.listening import Listener
-from taskrpc.core.transport.tcp.tcp_network import bound, is_loopback, join_place, split_place
+from taskrpc.core.transport.tcp.tcp_network import bound
 from taskrpc.errors import CannotListen
 from taskrpc.observe.web.control import MAX_BODY
 from taskrpc.observe.web.guard import Access, Guard, Head, own_names
@@ -27,6 +24,15 @@ from taskrpc.observe.web.peers import is_other_user
 from taskrpc.observe.web.places import Places, TooManyRequests
 from taskrpc.observe.web.streams import UNREAD_BYTES, LiveStream, Tab, TooManyTabs
 from taskrpc.observe.web.tokens import Holder, Tokens
+from taskrpc.spi import (
+    Factory,
+    Listener,
+    ServerTls,
+    ThrottledLog,
+    is_loopback,
+    join_place,
+    split_place,
+)
 
 log = logging.getLogger("taskrpc.web")
 

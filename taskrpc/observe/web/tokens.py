@@ -8,8 +8,9 @@ import time
 
 import msgspec
 
-from taskrpc.core.security.accounts import AccountSource
-from taskrpc.core.security.roles import Role, account_of
+from taskrpc import Role
+from taskrpc.core.security.roles import account_of
+from taskrpc.spi import AccountSource
 
 
 class Holder(msgspec.Struct, frozen=True):

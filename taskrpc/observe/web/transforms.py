@@ -11,10 +11,10 @@ from collections.abc import Iterable
 from typing import Any
 
 import srvgen
-from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
 from taskrpc.qos import QoS
+from taskrpc.spi import RegistryEntry
 from taskrpc.topic import Subscription
 
 MAX_FRAMES = 100

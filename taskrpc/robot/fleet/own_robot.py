@@ -8,7 +8,6 @@ import os
 import platform
 from collections.abc import Iterable
 
-from taskrpc.core.transport.chance import present_chance
 from taskrpc.robot.driver import KinematicRobot
 from taskrpc.robot.fleet.model import Capabilities, RobotRecord
 from taskrpc.robot.fleet.offers import refuse_unable
@@ -16,6 +15,7 @@ from taskrpc.robot.fleet.state import FleetState
 from taskrpc.robot.protocol import Plan, Pose, Robot, TargetError
 from taskrpc.robot.tasks.robot_guard import RobotGuard, checked_plan, error_text
 from taskrpc.robot.world import World
+from taskrpc.spi import present_chance
 
 _log = logging.getLogger("taskrpc.fleet")
 

@@ -11,8 +11,8 @@ import sys
 from collections.abc import Awaitable, Mapping
 from typing import Any, TypeAlias, TypeVar
 
-from taskrpc.core.security.installing import install_command
 from taskrpc.errors import StoreError, TaskRpcError
+from taskrpc.spi import install_command
 
 try:
     import psycopg

@@ -24,10 +24,7 @@ from typing import Any
 
 import msgspec
 
-from taskrpc.core.exactly_once.completions import CompletionBatch
-from taskrpc.core.request_ids.ids import ClientKey, Completion
 from taskrpc.core.request_ids.ledger import LEASE as CLIENT_LEASE
-from taskrpc.core.storage.records import Damaged, read_records
 from taskrpc.errors import OutcomeUnknown, StoreError, TaskRpcError
 from taskrpc.robot.fleet.model import Meta, RobotRecord
 from taskrpc.robot.fleet.postgres_connection import (
@@ -43,6 +40,7 @@ from taskrpc.robot.fleet.postgres_schema import check_version, prepare
 from taskrpc.robot.fleet.state import Changes
 from taskrpc.robot.fleet.store import FleetStore, Outcome, Pending, RequestKey, carry_out
 from taskrpc.robot.tasks.model import Task
+from taskrpc.spi import ClientKey, Completion, CompletionBatch, Damaged, read_records
 
 log = logging.getLogger("taskrpc.fleet")
 

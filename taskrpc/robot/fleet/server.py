@@ -6,10 +6,7 @@ import contextlib
 from collections.abc import Sequence
 from typing import Any
 
-from taskrpc.core.callinfo import current_call
-from taskrpc.core.exactly_once.executions import Execution
-from taskrpc.core.introspection import IntrospectionState
-from taskrpc.core.request_ids.ids import ClientKey, Completion, StoredCompletions
+from taskrpc import current_call
 from taskrpc.errors import Code, NameInUse, OutcomeUnknown, StoreError
 from taskrpc.node import Node
 from taskrpc.robot.fleet.manager import FleetManager, FleetSettings
@@ -18,6 +15,7 @@ from taskrpc.robot.protocol import Robot
 from taskrpc.robot.tasks.permissions import submitter
 from taskrpc.robot.tasks.responses import Resumed, TaskResponse
 from taskrpc.robot.tasks.server import OfferedTasks, completed, failed_call, filled, nothing_done
+from taskrpc.spi import ClientKey, Completion, Execution, IntrospectionState, StoredCompletions
 
 
 class FleetServer(OfferedTasks):

@@ -13,9 +13,9 @@ from typing import Any
 
 import msgspec
 
-from taskrpc.core.request_ids.ids import ClientKey, Completion
 from taskrpc.robot.fleet.model import REMEMBERED, Abilities, Meta, RobotRecord
 from taskrpc.robot.tasks.model import BEFORE_RUNNING_KEY, OrderKey, Task, TaskState
+from taskrpc.spi import ClientKey, Completion
 
 
 class Changes(msgspec.Struct):

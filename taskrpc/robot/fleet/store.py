@@ -14,14 +14,12 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Generic, TypeAlias, TypeVar
 
-from taskrpc.core.exactly_once.completions import CompletionIndex
-from taskrpc.core.request_ids.ids import ClientKey, Completion
-from taskrpc.core.transport.chance import present_chance
 from taskrpc.errors import OutcomeUnknown, StoreError, TaskRpcError, text_for_callers
 from taskrpc.robot.fleet.model import Meta, RobotRecord
 from taskrpc.robot.fleet.state import Changes, FleetState
 from taskrpc.robot.tasks.model import Task
 from taskrpc.robot.tasks.records.store import Stored
+from taskrpc.spi import ClientKey, Completion, CompletionIndex, present_chance
 
 log = logging.getLogger("taskrpc.fleet")
 

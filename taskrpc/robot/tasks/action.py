@@ -12,10 +12,7 @@ import logging
 from typing import Any, Protocol
 
 import srvgen
-from taskrpc.actions.messages import bytes_of
-from taskrpc.actions.server import ActionServer
-from taskrpc.actions.server_goal import ServerGoal
-from taskrpc.core.callinfo import Denied, answering, current_call
+from taskrpc import ActionServer, ServerGoal, current_call
 from taskrpc.errors import (
     Code,
     HandlerError,
@@ -29,6 +26,7 @@ from taskrpc.robot.tasks.managed import ManagedTasks
 from taskrpc.robot.tasks.model import Task, TaskState
 from taskrpc.robot.tasks.permissions import client_name, refuse_others_task, submitter
 from taskrpc.robot.tasks.responses import TaskResponse
+from taskrpc.spi import Denied, answering, bytes_of
 
 ACTION_TYPE = "my_robot_interfaces/action/ExecuteTask"
 FEEDBACK_PERIOD = 0.5

@@ -10,13 +10,13 @@ from typing import Protocol, TypeAlias
 
 import msgspec
 
-from taskrpc.core.request_ids.ids import Completion
 from taskrpc.robot.protocol import Pose, Robot
 from taskrpc.robot.tasks.model import EstimateChange, OrderKey, Task
 from taskrpc.robot.tasks.queue.estimate_log import DelayLog
 from taskrpc.robot.tasks.records.change_feed import ChangeFeed
 from taskrpc.robot.tasks.responses import Resumed, TaskResponse
 from taskrpc.robot.tasks.robot_guard import Telemetry
+from taskrpc.spi import Completion
 
 Completing: TypeAlias = Callable[[TaskResponse], Completion | None]
 """Makes the completion of a request from its response."""

@@ -9,7 +9,6 @@ from functools import partial
 
 import msgspec
 
-from taskrpc.core.transport.time_of_day import time_of_day
 from taskrpc.errors import TaskRpcError
 from taskrpc.robot.protocol import Robot
 from taskrpc.robot.tasks import rules
@@ -37,6 +36,7 @@ from taskrpc.robot.tasks.responses import (
     unstored_note,
 )
 from taskrpc.robot.tasks.worker import Worker
+from taskrpc.spi import time_of_day
 
 _log = logging.getLogger("taskrpc.tasks")
 

@@ -5,9 +5,9 @@ All of it is separate from the services, so that a security review finds it in o
 
 from __future__ import annotations
 
-from taskrpc.core.callinfo import Denied, current_call
-from taskrpc.core.security.roles import Role
+from taskrpc import Role, current_call
 from taskrpc.robot.tasks.model import Task
+from taskrpc.spi import Denied
 
 ROLES = {
     "list": Role.OBSERVE,

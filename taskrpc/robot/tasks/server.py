@@ -10,11 +10,7 @@ from functools import partial, wraps
 from typing import Any, Self, TypeAlias
 
 import srvgen
-from taskrpc.core.callinfo import current_call
-from taskrpc.core.introspection import IntrospectionState
-from taskrpc.core.request_ids.ids import Completion, CompletionStore
-from taskrpc.core.storage.lock import FileInUse
-from taskrpc.core.transport.time_of_day import time_of_day
+from taskrpc import current_call
 from taskrpc.errors import (
     Code,
     HandlerError,
@@ -37,6 +33,7 @@ from taskrpc.robot.tasks.records.store import TaskStore
 from taskrpc.robot.tasks.responses import Resumed, TaskMessages, TaskResponse
 from taskrpc.robot.tasks.topics import TaskTopics
 from taskrpc.service import Service
+from taskrpc.spi import Completion, CompletionStore, FileInUse, IntrospectionState, time_of_day
 
 _log = logging.getLogger("taskrpc.tasks")
 

@@ -11,12 +11,12 @@ from collections.abc import Callable, Coroutine
 from typing import Any
 
 import srvgen
-from taskrpc.core.transport.time_of_day import time_of_day_ns
 from taskrpc.node import Node
 from taskrpc.qos import QoS
 from taskrpc.robot.protocol import Pose
 from taskrpc.robot.tasks.managed import ManagedTasks
 from taskrpc.robot.tasks.responses import TaskMessages
+from taskrpc.spi import time_of_day_ns
 from taskrpc.topic import Publisher
 
 POSE_PERIOD = 0.1

@@ -8,7 +8,6 @@ from functools import partial
 from typing import TypeAlias
 
 from srvgen.definitions.model import Definition, FieldType, MessageDef, sections
-from taskrpc.core import names
 from taskrpc.errors import TaskRpcError
 from taskrpc.ros.colcon.programs import imports
 from taskrpc.ros.graduation.program import (
@@ -21,6 +20,7 @@ from taskrpc.ros.graduation.program import (
     finding_at,
     receiver,
 )
+from taskrpc.spi import names
 
 Load: TypeAlias = Callable[[str], Definition | None]
 """Returns a definition by its full name, or None if there is none."""

@@ -15,9 +15,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final, Self, cast
 
-from taskrpc.core import platform
 from taskrpc.core.transport import shared_endpoint
 from taskrpc.course.browser_lab.tab.threads import Handle, Scheduler
+from taskrpc.spi import platform
 
 FOLDER: Final = Path("/lab")
 """The folder of the student's files, in the worker's memory."""

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from pathlib import PurePosixPath
 from typing import Any
 
-from taskrpc.core import platform
 from taskrpc.core.transport import shared_endpoint
 from taskrpc.course.browser_lab.tab.programs import FOLDER, Programs
 from taskrpc.course.browser_lab.tab.robot import TabRobot
@@ -21,6 +20,7 @@ from taskrpc.course.labs import catalogue
 from taskrpc.course.labs.grading import findings
 from taskrpc.course.labs.variants import Variant
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import platform
 
 _IMPORTED = tuple(f"taskrpc.ros.packages.rclpy{each}" for each in ("", ".executors", ".node"))
 """What nearly every program imports; importing it in advance saves each first run seconds."""

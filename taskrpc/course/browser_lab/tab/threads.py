@@ -20,8 +20,8 @@ from contextvars import copy_context
 from types import TracebackType
 from typing import Any, Final
 
-from taskrpc.core import platform
 from taskrpc.errors import TaskRpcError, WouldDeadlock
+from taskrpc.spi import platform
 
 TIME_SLICE: Final = 0.02
 """Seconds after which a thread that never waits lets others run, when it takes a lock."""

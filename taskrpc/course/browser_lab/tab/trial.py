@@ -11,12 +11,12 @@ import time
 from collections.abc import AsyncIterator
 from pathlib import Path
 
-from taskrpc.core import platform
 from taskrpc.course.browser_lab.tab.programs import FOLDER, Program, Programs
 from taskrpc.course.labs.grading import NewTrial
 from taskrpc.course.labs.lab import NotMet
 from taskrpc.course.labs.variants import Variant
 from taskrpc.node import Node
+from taskrpc.spi import platform
 
 _DOMAIN = "ROS_DOMAIN_ID"
 _domains = itertools.cycle(range(1, 233))

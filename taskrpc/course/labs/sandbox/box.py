@@ -20,13 +20,13 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry
 from taskrpc.course.labs.sandbox import boot, bubblewrap, orders, speed
 from taskrpc.course.labs.sandbox.child import Start, system_environment
 from taskrpc.course.labs.sandbox.limits import FILES, MEGABYTE, RESIDENT
 from taskrpc.course.labs.sandbox.orders import Setup
 from taskrpc.course.labs.sandbox.program import Written
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import EntryChange, RegistryEntry
 
 _START = 60.0
 """Real seconds that a new sandbox may need until its first check begins, on a busy machine."""

@@ -11,12 +11,19 @@ from contextvars import ContextVar
 from typing import Protocol
 
 from taskrpc.core.transport import shared_endpoint
-from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
-from taskrpc.core.transport.network import Address, Factory
-from taskrpc.core.transport.settings import Settings
-from taskrpc.core.transport.tcp.listening import Listener
-from taskrpc.core.transport.tcp.tcp_network import is_loopback, join_place, split_place
 from taskrpc.errors import NameInUse, TaskRpcError
+from taskrpc.spi import (
+    Address,
+    EntryChange,
+    Factory,
+    Listener,
+    RegistryEntry,
+    Settings,
+    TrackedEntry,
+    is_loopback,
+    join_place,
+    split_place,
+)
 
 TRANSPORT = "sandbox"
 """The name of the transport: `Node("check", transport=TRANSPORT)`."""

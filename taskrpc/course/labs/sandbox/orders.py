@@ -10,8 +10,8 @@ import sys
 
 import msgspec
 
-from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry
 from taskrpc.course.labs.sandbox.child import Start
+from taskrpc.spi import EntryChange, RegistryEntry
 
 LONGEST = 2**20
 """Most bytes of a message."""

@@ -23,12 +23,11 @@ from pathlib import Path
 
 import msgspec
 
-from taskrpc.core.transport.discovery.entries import TrackedEntry
-from taskrpc.core.transport.discovery.registry import Registry
 from taskrpc.course.labs.sandbox import child, orders
 from taskrpc.course.labs.sandbox.child import Start, environment, run
 from taskrpc.course.labs.sandbox.orders import Setup
 from taskrpc.course.labs.submission import remove
+from taskrpc.spi import Registry, TrackedEntry
 
 _POLL = 0.01
 """Seconds between two looks at the registry."""

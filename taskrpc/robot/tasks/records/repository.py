@@ -11,11 +11,11 @@ from typing import Any, TypeAlias
 
 import msgspec
 
-from taskrpc.core.request_ids.ids import ClientKey, Completion, StoredCompletions
 from taskrpc.errors import TaskRpcError, text_for_callers
 from taskrpc.robot.tasks.model import Task, TaskState
 from taskrpc.robot.tasks.records.change_feed import ChangeFeed
 from taskrpc.robot.tasks.records.store import TaskStore
+from taskrpc.spi import ClientKey, Completion, StoredCompletions
 
 OnStored: TypeAlias = Callable[[BaseException | None], object]
 """The repository calls it with None when a change is stored, or with the error if it is not."""

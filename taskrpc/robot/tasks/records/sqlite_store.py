@@ -7,14 +7,11 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from taskrpc.core.request_ids.ids import ClientKey, Completion
-from taskrpc.core.storage.database import Database
-from taskrpc.core.storage.lock import FileInUse
-from taskrpc.core.storage.writer import Writer
 from taskrpc.robot.tasks.model import Task
 from taskrpc.robot.tasks.records import task_tables
 from taskrpc.robot.tasks.records.store import Stored
 from taskrpc.robot.tasks.records.task_tables import Change
+from taskrpc.spi import ClientKey, Completion, Database, FileInUse, Writer
 
 
 class SqliteStore:

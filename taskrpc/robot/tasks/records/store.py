@@ -7,10 +7,8 @@ from typing import Protocol
 
 import msgspec
 
-from taskrpc.core.exactly_once.completions import CompletionIndex
-from taskrpc.core.request_ids.ids import ClientKey, Completion
-from taskrpc.core.transport.chance import present_chance
 from taskrpc.robot.tasks.model import Task
+from taskrpc.spi import ClientKey, Completion, CompletionIndex, present_chance
 
 
 class Stored(msgspec.Struct, frozen=True):

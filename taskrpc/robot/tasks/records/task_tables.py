@@ -8,29 +8,24 @@ from typing import TypeAlias
 
 import msgspec
 
-from taskrpc.core.exactly_once.completions import (
-    FORGET,
-    SAVE,
-    SETTLE,
-    CompletionBatch,
-    as_json,
-    create_completion_table,
-    delete_completions,
-    read_completions,
-)
-from taskrpc.core.request_ids.ids import ClientKey, Completion
-from taskrpc.core.storage.database import (
-    Database,
-    create_store,
-    pragma,
-    read_store_id,
-    replace_store_id,
-)
-from taskrpc.core.storage.records import Damaged, read_records, with_checksum
-from taskrpc.core.storage.table_checks import refuse_other_tables
+from taskrpc.core.exactly_once.completions import FORGET, SAVE, SETTLE, as_json
+from taskrpc.core.storage.database import create_store, pragma, read_store_id, replace_store_id
 from taskrpc.errors import StoreError
 from taskrpc.robot.tasks.model import Task
 from taskrpc.robot.tasks.records.store import Stored
+from taskrpc.spi import (
+    ClientKey,
+    Completion,
+    CompletionBatch,
+    Damaged,
+    Database,
+    create_completion_table,
+    delete_completions,
+    read_completions,
+    read_records,
+    refuse_other_tables,
+    with_checksum,
+)
 
 FORMAT = 2
 """The version of the file's layout, kept in `PRAGMA user_version`."""

@@ -11,8 +11,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
-from taskrpc.core.introspection import gid_of
 from taskrpc.errors import InvalidRequest, TaskRpcError, TypeMismatch
+from taskrpc.spi import gid_of
 
 from ._impl.bridge import detached
 from ._impl.diagnostics.deadlocks import call_ended, check_call

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import partial
 
-from taskrpc.core import names
 from taskrpc.errors import InvalidName
+from taskrpc.spi import names
 
 from ._impl.graph.names import ros_problem
 from .validate_namespace import check_namespace

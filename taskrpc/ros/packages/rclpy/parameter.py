@@ -187,7 +187,7 @@ def get_parameter_value(string_value: str) -> Any:
     """The ParameterValue of a text that a user typed: YAML, or a string if it is not YAML."""
     import yaml  # few programs need it
 
-    from taskrpc.core import yaml_text
+    from taskrpc.spi import yaml_text
 
     try:
         value = yaml_text.load(string_value)
@@ -238,7 +238,7 @@ def parameter_dict_from_yaml_file(
     Raises:
         RuntimeError: the file has no parameters for these nodes, or is not a parameter file.
     """
-    from taskrpc.core import platform, yaml_text
+    from taskrpc.spi import platform, yaml_text
 
     text = platform.read_text(parameter_file)
     nodes = list(_nodes(yaml_text.load(text) or {}))

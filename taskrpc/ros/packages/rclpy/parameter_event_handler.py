@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-from taskrpc.core import names
+from taskrpc.spi import names
 
 from ._impl.parameters.node_parameters import PARAMETER_EVENTS, ParameterEvent
 from .callback_groups import CallbackGroup

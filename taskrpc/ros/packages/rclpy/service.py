@@ -9,8 +9,8 @@ from collections.abc import Callable
 from types import CoroutineType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
-from taskrpc.core.introspection import gid_of
 from taskrpc.errors import Code, HandlerFailed, InvalidRequest, WouldDeadlock
+from taskrpc.spi import gid_of
 
 from ._impl.bridge import detached
 from ._impl.diagnostics import explain

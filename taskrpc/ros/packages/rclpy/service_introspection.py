@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
-from taskrpc.core.introspection import SUFFIX, service_event
+from taskrpc.spi import SUFFIX, service_event
 
 from ._impl.node_interface import NodeInterface
 from .qos import QoSProfile

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taskrpc.core import names
+from taskrpc.spi import names
 
 HIDDEN_TOPIC_PREFIX = "_"
 """The prefix of a token that makes a name hidden."""

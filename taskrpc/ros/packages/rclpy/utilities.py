@@ -6,7 +6,7 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from taskrpc.core import platform
+from taskrpc.spi import platform
 
 from ._impl.arguments import parse
 from .constants import S_TO_NS

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from taskrpc.core import names
 from taskrpc.errors import InvalidName
+from taskrpc.spi import names
 
 from ._impl.graph.names import checked
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taskrpc.core import names
+from taskrpc.spi import names
 
 from ._impl.graph.names import checked
 

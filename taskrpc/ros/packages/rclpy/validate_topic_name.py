@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from taskrpc.core import names
+from taskrpc.spi import names
 
 from ._impl.graph.names import checked, kind_of
 

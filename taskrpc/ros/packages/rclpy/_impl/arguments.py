@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from taskrpc.core import names, platform
 from taskrpc.errors import InvalidName
+from taskrpc.spi import names, platform
 
 from ..exceptions import RCLInvalidROSArgsError, UnknownROSArgsError
 

@@ -9,18 +9,17 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from taskrpc import sync
-from taskrpc.core import names, platform
 from taskrpc.errors import NameInUse, ServiceUnavailable, WouldDeadlock
+from taskrpc.spi import names, platform
 
 from .diagnostics.explain import like_ros, two_servers
 
 if TYPE_CHECKING:
     import asyncio
 
-    from taskrpc.core.transport.base import OnMismatch
-    from taskrpc.core.transport.discovery.entries import RegistryEntry
     from taskrpc.deferred import DeferredCall, DeferredService
     from taskrpc.qos import QoS
+    from taskrpc.spi import OnMismatch, RegistryEntry
     from taskrpc.sync.loop_thread import LoopThread
     from taskrpc.sync.topics import Publisher, Subscription
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
-from taskrpc.core import names
+from taskrpc.spi import names
 
 from ..context import Context
 from ..handle import Handle

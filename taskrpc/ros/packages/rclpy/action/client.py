@@ -9,11 +9,10 @@ import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic, TypedDict, TypeVar
 
-from taskrpc.actions.messages import ActionMessages, bytes_of
-from taskrpc.actions.names import names_of as action_names
-from taskrpc.actions.states import GoalState
-from taskrpc.core.transport.chance import present_chance
+from taskrpc import GoalState
 from taskrpc.errors import Code, HandlerFailed
+from taskrpc.spi import ActionMessages, bytes_of, present_chance
+from taskrpc.spi import names_of as action_names
 
 from .._impl.actions.goal_ids import shown
 from .._impl.actions.server_parts import check_context

@@ -12,10 +12,17 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
 
 from srvgen import excepthook
-from taskrpc.actions.goals import GoalLedger, GoalRecord, goals_to_cancel
-from taskrpc.actions.messages import ActionMessages, bytes_of, nanoseconds_of
-from taskrpc.actions.states import GoalEvent, next_state
+from taskrpc.actions.states import next_state
 from taskrpc.errors import Code, HandlerFailed
+from taskrpc.spi import (
+    ActionMessages,
+    GoalEvent,
+    GoalLedger,
+    GoalRecord,
+    bytes_of,
+    goals_to_cancel,
+    nanoseconds_of,
+)
 
 from .._impl.actions.goal_ids import shown
 from .._impl.actions.result_clock import ResultClock

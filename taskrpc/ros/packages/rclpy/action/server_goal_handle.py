@@ -6,9 +6,8 @@ import threading
 from collections.abc import Callable
 from typing import Any, Generic, Protocol, TypeVar
 
-from taskrpc.actions.goals import GoalRecord
-from taskrpc.actions.messages import bytes_of, nanoseconds_of
-from taskrpc.actions.states import GoalEvent, GoalState, InvalidTransition
+from taskrpc import GoalState
+from taskrpc.spi import GoalEvent, GoalRecord, InvalidTransition, bytes_of, nanoseconds_of
 
 from .._impl.actions.server_parts import ServerParts
 from ..exceptions import RCLError

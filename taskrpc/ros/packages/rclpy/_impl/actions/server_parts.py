@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from taskrpc.actions.goals import GoalRecord
-from taskrpc.actions.messages import ActionMessages
-from taskrpc.actions.names import names_of
 from taskrpc.errors import NameInUse
+from taskrpc.spi import ActionMessages, GoalRecord, names_of
 
 from ...callback_groups import CallbackGroup
 from ...publisher import Publisher

@@ -7,8 +7,8 @@ import re
 import sys
 from typing import Any
 
-from taskrpc.core.transport.codec import codec_of
 from taskrpc.errors import InvalidRequest
+from taskrpc.spi import codec_of
 
 from ...qos import HistoryPolicy
 from . import explain

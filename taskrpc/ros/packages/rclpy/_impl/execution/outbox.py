@@ -12,8 +12,8 @@ from collections.abc import Callable
 from functools import cache, partial
 from typing import Any
 
-from taskrpc.core.transport.codec import codec_of
 from taskrpc.errors import ServiceUnavailable, WouldDeadlock
+from taskrpc.spi import codec_of
 
 from ..bridge import NativeClient
 from ..diagnostics.explain import like_ros

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Self
 
-from taskrpc.core import platform
+from taskrpc.spi import platform
 
 from ... import signals, utilities
 from ...context import Context

@@ -11,8 +11,7 @@ import weakref
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeAlias
 
-from taskrpc.core.introspection import gid_of
-from taskrpc.core.transport.discovery.entries import RegistryEntry
+from taskrpc.spi import RegistryEntry, gid_of
 
 from ...endpoint_info import EndpointTypeEnum, ServiceEndpointInfo, TopicEndpointInfo
 from ...qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_services_default

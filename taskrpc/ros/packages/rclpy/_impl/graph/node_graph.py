@@ -6,10 +6,8 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from taskrpc.actions.names import action_of_feedback
-from taskrpc.core import names
-from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.errors import InvalidName
+from taskrpc.spi import RegistryEntry, action_of_feedback, names
 
 from ...endpoint_info import EndpointTypeEnum, ServiceEndpointInfo, TopicEndpointInfo
 from ...exceptions import NodeNameNonExistentError

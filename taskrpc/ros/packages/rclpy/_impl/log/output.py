@@ -10,7 +10,7 @@ import weakref
 from collections.abc import Callable
 from typing import TextIO
 
-from taskrpc.core import platform
+from taskrpc.spi import platform
 
 from ...impl.logging_severity import LoggingSeverity
 from ..arguments import Arguments

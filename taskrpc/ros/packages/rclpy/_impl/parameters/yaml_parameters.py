@@ -12,7 +12,7 @@ from typing import TypeAlias
 
 import yaml
 
-from taskrpc.core import yaml_text
+from taskrpc.spi import yaml_text
 
 Value: TypeAlias = bool | int | float | str | list[bool] | list[int] | list[float] | list[str]
 """The value of a parameter in a file or on a command line."""

@@ -1,0 +1,291 @@
+"""What the core offers to the districts around it, and to packages that extend taskrpc.
+
+A transport, a store, an observer or a command imports the names of this module; all other modules
+of `taskrpc.core` may change at any time. `docs/explanation/contract.md` says what each part is for,
+and why a name was added. A name is imported when a program first uses it.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from taskrpc.actions.goals import GoalLedger, GoalRecord, goals_to_cancel
+    from taskrpc.actions.messages import (
+        FEEDBACK_QOS,
+        STATUS_QOS,
+        ActionMessages,
+        bytes_of,
+        nanoseconds_of,
+        states_in,
+    )
+    from taskrpc.actions.names import action_of_feedback, names_of
+    from taskrpc.actions.states import GoalEvent, InvalidTransition
+    from taskrpc.core import names, platform, yaml_text
+    from taskrpc.core.callinfo import Denied, answering
+    from taskrpc.core.exactly_once.completions import (
+        CompletionBatch,
+        CompletionIndex,
+        create_completion_table,
+        delete_completions,
+        read_completions,
+    )
+    from taskrpc.core.exactly_once.executions import Execution
+    from taskrpc.core.execution.callbacks import DaemonThreads
+    from taskrpc.core.introspection import SUFFIX, IntrospectionState, gid_of, service_event
+    from taskrpc.core.observer import Connections, ObservedNode, Outgoing, TopicStatus
+    from taskrpc.core.request_ids.ids import (
+        ClientKey,
+        Completion,
+        CompletionStore,
+        ReceivedId,
+        StoredCompletions,
+    )
+    from taskrpc.core.security.account_file import AccountFile, Row
+    from taskrpc.core.security.accounts import AccountSource
+    from taskrpc.core.security.installing import install_command
+    from taskrpc.core.security.lab import (
+        Lab,
+        forget_lab,
+        remember_lab,
+        remembered_lab,
+        robot_namespace,
+    )
+    from taskrpc.core.security.listen_policy import check_listen_policy
+    from taskrpc.core.security.roles import account_name_problem
+    from taskrpc.core.security.tls import ServerTls, first_certificate, pinned_context
+    from taskrpc.core.storage.database import Database
+    from taskrpc.core.storage.lock import FileInUse
+    from taskrpc.core.storage.records import Damaged, read_records, with_checksum
+    from taskrpc.core.storage.table_checks import refuse_other_tables
+    from taskrpc.core.storage.writer import Writer
+    from taskrpc.core.transport import suggestions
+    from taskrpc.core.transport.base import (
+        Deliver,
+        OnDone,
+        OnMismatch,
+        ProgramStatistics,
+        TopicPublisher,
+        TopicSubscription,
+    )
+    from taskrpc.core.transport.chance import present_chance
+    from taskrpc.core.transport.codec import KEPT_CLASSES, ServiceType, codec_of
+    from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
+    from taskrpc.core.transport.discovery.registry import Registry
+    from taskrpc.core.transport.endpoint import Endpoint
+    from taskrpc.core.transport.engine import (
+        Cancelable,
+        Closable,
+        Engine,
+        EngineEvents,
+        ForeignServer,
+        NativeEngine,
+        NativeReply,
+    )
+    from taskrpc.core.transport.limits.keepalive import keepalive_of
+    from taskrpc.core.transport.limits.log_throttling import ThrottledLog
+    from taskrpc.core.transport.network import Address, Factory, Network
+    from taskrpc.core.transport.settings import Settings, domain_id, environment_peers
+    from taskrpc.core.transport.shared_endpoint import Registration, registered
+    from taskrpc.core.transport.tcp.listening import Listener
+    from taskrpc.core.transport.tcp.tcp_network import (
+        TcpNetwork,
+        is_loopback,
+        join_place,
+        place_here,
+        split_place,
+    )
+    from taskrpc.core.transport.tcp.unix_sockets import checked_unix, is_unix, path_of
+    from taskrpc.core.transport.time_of_day import time_of_day, time_of_day_ns
+    from taskrpc.core.transport.tunnel import cdr
+    from taskrpc.core.transport.tunnel.handoff import Handoff
+    from taskrpc.core.transport.tunnel.tunnel_network import TunnelNetwork
+    from taskrpc.core.wire.frames import Body
+    from taskrpc.core.wire.messages import Listing, Resolve, ServiceEndpoint, TopicEndpoint
+    from taskrpc.core.wire.topics import qos_mismatch_text
+
+_HOMES = {
+    "actions.goals": "GoalLedger GoalRecord goals_to_cancel",
+    "actions.messages": "ActionMessages FEEDBACK_QOS STATUS_QOS bytes_of nanoseconds_of states_in",
+    "actions.names": "action_of_feedback names_of",
+    "actions.states": "GoalEvent InvalidTransition",
+    "core": "names platform yaml_text",
+    "core.callinfo": "Denied answering",
+    "core.exactly_once.completions": (
+        "CompletionBatch CompletionIndex create_completion_table"
+        " delete_completions read_completions"
+    ),
+    "core.exactly_once.executions": "Execution",
+    "core.execution.callbacks": "DaemonThreads",
+    "core.introspection": "IntrospectionState SUFFIX gid_of service_event",
+    "core.observer": "Connections ObservedNode Outgoing TopicStatus",
+    "core.request_ids.ids": "ClientKey Completion CompletionStore ReceivedId StoredCompletions",
+    "core.security.account_file": "AccountFile Row",
+    "core.security.accounts": "AccountSource",
+    "core.security.installing": "install_command",
+    "core.security.lab": "Lab forget_lab remember_lab remembered_lab robot_namespace",
+    "core.security.listen_policy": "check_listen_policy",
+    "core.security.roles": "account_name_problem",
+    "core.security.tls": "ServerTls first_certificate pinned_context",
+    "core.storage.database": "Database",
+    "core.storage.lock": "FileInUse",
+    "core.storage.records": "Damaged read_records with_checksum",
+    "core.storage.table_checks": "refuse_other_tables",
+    "core.storage.writer": "Writer",
+    "core.transport": "suggestions",
+    "core.transport.base": (
+        "Deliver OnDone OnMismatch ProgramStatistics TopicPublisher TopicSubscription"
+    ),
+    "core.transport.chance": "present_chance",
+    "core.transport.codec": "KEPT_CLASSES ServiceType codec_of",
+    "core.transport.discovery.entries": "EntryChange RegistryEntry TrackedEntry",
+    "core.transport.discovery.registry": "Registry",
+    "core.transport.endpoint": "Endpoint",
+    "core.transport.engine": (
+        "Cancelable Closable Engine EngineEvents ForeignServer NativeEngine NativeReply"
+    ),
+    "core.transport.limits.keepalive": "keepalive_of",
+    "core.transport.limits.log_throttling": "ThrottledLog",
+    "core.transport.network": "Address Factory Network",
+    "core.transport.settings": "Settings domain_id environment_peers",
+    "core.transport.shared_endpoint": "Registration registered",
+    "core.transport.tcp.listening": "Listener",
+    "core.transport.tcp.tcp_network": "TcpNetwork is_loopback join_place place_here split_place",
+    "core.transport.tcp.unix_sockets": "checked_unix is_unix path_of",
+    "core.transport.time_of_day": "time_of_day time_of_day_ns",
+    "core.transport.tunnel": "cdr",
+    "core.transport.tunnel.handoff": "Handoff",
+    "core.transport.tunnel.tunnel_network": "TunnelNetwork",
+    "core.wire.frames": "Body",
+    "core.wire.messages": "Listing Resolve ServiceEndpoint TopicEndpoint",
+    "core.wire.topics": "qos_mismatch_text",
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
+
+__all__ = [
+    "FEEDBACK_QOS",
+    "KEPT_CLASSES",
+    "STATUS_QOS",
+    "SUFFIX",
+    "AccountFile",
+    "AccountSource",
+    "ActionMessages",
+    "Address",
+    "Body",
+    "Cancelable",
+    "ClientKey",
+    "Closable",
+    "Completion",
+    "CompletionBatch",
+    "CompletionIndex",
+    "CompletionStore",
+    "Connections",
+    "DaemonThreads",
+    "Damaged",
+    "Database",
+    "Deliver",
+    "Denied",
+    "Endpoint",
+    "Engine",
+    "EngineEvents",
+    "EntryChange",
+    "Execution",
+    "Factory",
+    "FileInUse",
+    "ForeignServer",
+    "GoalEvent",
+    "GoalLedger",
+    "GoalRecord",
+    "Handoff",
+    "IntrospectionState",
+    "InvalidTransition",
+    "Lab",
+    "Listener",
+    "Listing",
+    "NativeEngine",
+    "NativeReply",
+    "Network",
+    "ObservedNode",
+    "OnDone",
+    "OnMismatch",
+    "Outgoing",
+    "ProgramStatistics",
+    "ReceivedId",
+    "Registration",
+    "Registry",
+    "RegistryEntry",
+    "Resolve",
+    "Row",
+    "ServerTls",
+    "ServiceEndpoint",
+    "ServiceType",
+    "Settings",
+    "StoredCompletions",
+    "TcpNetwork",
+    "ThrottledLog",
+    "TopicEndpoint",
+    "TopicPublisher",
+    "TopicStatus",
+    "TopicSubscription",
+    "TrackedEntry",
+    "TunnelNetwork",
+    "Writer",
+    "account_name_problem",
+    "action_of_feedback",
+    "answering",
+    "bytes_of",
+    "cdr",
+    "check_listen_policy",
+    "checked_unix",
+    "codec_of",
+    "create_completion_table",
+    "delete_completions",
+    "domain_id",
+    "environment_peers",
+    "first_certificate",
+    "forget_lab",
+    "gid_of",
+    "goals_to_cancel",
+    "install_command",
+    "is_loopback",
+    "is_unix",
+    "join_place",
+    "keepalive_of",
+    "names",
+    "names_of",
+    "nanoseconds_of",
+    "path_of",
+    "pinned_context",
+    "place_here",
+    "platform",
+    "present_chance",
+    "qos_mismatch_text",
+    "read_completions",
+    "read_records",
+    "refuse_other_tables",
+    "registered",
+    "remember_lab",
+    "remembered_lab",
+    "robot_namespace",
+    "service_event",
+    "split_place",
+    "states_in",
+    "suggestions",
+    "time_of_day",
+    "time_of_day_ns",
+    "with_checksum",
+    "yaml_text",
+]
+
+
+if not TYPE_CHECKING:  # or type checkers would accept every missing name as Any
+
+    def __getattr__(name):
+        home = _HOME_OF.get(name)
+        if home is None:
+            raise AttributeError(f"module 'taskrpc.spi' has no attribute {name!r}")
+        module = import_module(f"taskrpc.{home}")
+        value = getattr(module, name, None) or import_module(f"taskrpc.{home}.{name}")
+        globals()[name] = value
+        return value
