@@ -15,22 +15,16 @@ from pathlib import Path
 
 import pytest
 
-try:
-    import grimp
-except ImportError:
-    if sys.platform != "win32":
-        raise
-    pytest.skip("grimp cannot be loaded in Wine", allow_module_level=True)
+from tests import source_tree
 
-ROOT = Path(__file__).parents[1]
-PACKAGES = ("srvgen", "taskrpc")
+ROOT = source_tree.ROOT
+PACKAGES = source_tree.PACKAGES
 LEFT = tomllib.loads(Path(__file__).with_name("structure.toml").read_text(encoding="utf-8"))
 """The offences that are left."""
 
 MOST_MODULES = 15
 """Most modules of a folder; `__init__` and `__main__` are not counted."""
 LARGER_FOLDERS = {
-    "taskrpc": 20,  # what everybody imports, and the asynchronous API
     "taskrpc/cli": 20,  # one module for each verb
     "taskrpc/ros/packages/rclpy": 60,  # one module for each module of ROS's rclpy
 }
@@ -44,32 +38,18 @@ PYTHONS_NAMES = {
 }
 """Underscore names of objects that Python itself makes."""
 
-MIRRORS = {
-    "tests/srvgen": "srvgen",
-    "tests/core": "taskrpc",
-    "tests/ros/packages/rclpy": "taskrpc/ros/packages/rclpy",
-}
-"""Folders of tests, and the packages whose layout they repeat."""
+OF_THE_API = {"actions", "sync", "testing"}
+"""Packages beside `taskrpc/core/` whose tests are in `tests/core/`, as are those of `node.py`."""
 PROGRAMS = "tests/ros/packages/rclpy/programs"
 """Whole ROS programs, which belong to no module."""
 CONTRACT = "tests/core/transport/contract"
 """What every transport must do, whichever modules do it."""
-STARTERS = {
-    ROOT / "taskrpc" / "labs" / "files",
-    ROOT / "taskrpc" / "browser_lab" / "async_files",
-}
-"""Templates of students' programs, with placeholders; they need not be valid Python."""
 LARGE_MODULE = 150
 """Lines from which a module has a test file of its own."""
 
 
-def source_files(*folders: str) -> list[Path]:
-    return [
-        path
-        for folder in folders
-        for path in sorted((ROOT / folder).rglob("*.py"))
-        if "__pycache__" not in path.parts and STARTERS.isdisjoint(path.parents)
-    ]
+def source_files() -> list[Path]:
+    return [ROOT / path for path in source_tree.source_files()]
 
 
 def relative(path: Path) -> str:
@@ -95,12 +75,6 @@ def test_new_offences_and_settled_ones_fail(monkeypatch):
 # Import circles
 
 
-def import_graph() -> dict[str, set[str]]:
-    """Each module with the modules it imports, also inside functions and for type checkers."""
-    graph = grimp.build_graph(*PACKAGES, cache_dir=None)
-    return {name: set(graph.find_modules_directly_imported_by(name)) for name in graph.modules}
-
-
 def in_circles(graph: Mapping[str, set[str]]) -> set[str]:
     """The modules that import themselves through others."""
     return {name for name in graph if name in reached_from(graph[name], graph)}
@@ -123,12 +97,14 @@ def test_import_circles_are_found():
 
 
 def test_lazy_and_type_checking_imports_count():
-    assert "taskrpc.ros.colcon.export" in import_graph()["taskrpc.cli.export"]  # inside a function
+    assert (
+        "taskrpc.ros.colcon.export" in source_tree.graph()["taskrpc.cli.export"]
+    )  # inside a function
 
 
 def test_no_modules_import_each_other():
     assert_only(
-        in_circles(import_graph()),
+        in_circles(source_tree.graph()),
         "in_circles",
         "these modules import each other, directly or in a circle: move what both need into a"
         " lower module, or pass it in",
@@ -215,7 +191,7 @@ def private_names(text: str) -> PrivateNames:
 
 def accesses_across_packages() -> Iterator[str]:
     """`module._name` for each private name that no module of the same folder declares."""
-    modules = {path: private_names(path.read_text("utf-8")) for path in source_files(*PACKAGES)}
+    modules = {path: private_names(path.read_text("utf-8")) for path in source_files()}
     declared: dict[Path, set[str]] = {}
     for path, names in modules.items():
         declared.setdefault(path.parent, set()).update(names.declared)
@@ -252,7 +228,7 @@ def test_no_module_touches_private_names_of_another_package():
 
 def module_counts() -> dict[str, int]:
     counts: dict[str, int] = {}
-    for path in source_files(*PACKAGES):
+    for path in source_files():
         if not path.name.startswith("__"):
             folder = relative(path.parent)
             counts[folder] = counts.get(folder, 0) + 1
@@ -279,7 +255,7 @@ def sentences(path: Path) -> int:
 
 
 def short_docstrings() -> Iterator[str]:
-    for path in source_files(*PACKAGES):
+    for path in source_files():
         if path.name == "__init__.py" and sentences(path) < GUIDE:
             yield relative(path.parent)
 
@@ -296,29 +272,39 @@ def test_package_docstrings_guide_a_reader():
 # Tests
 
 
+def mirror_of(folder: Path) -> Path:
+    """The folder of the tests of a package."""
+    first, *inner = folder.relative_to(ROOT).parts
+    if first == "srvgen":
+        return ROOT / "tests" / "srvgen" / Path(*inner)
+    if not inner or inner[0] in OF_THE_API:
+        return ROOT / "tests" / "core" / Path(*inner)
+    return ROOT / "tests" / Path(*inner)
+
+
 def misplaced_tests() -> Iterator[str]:
     """The test files whose folder or name nothing in the package has."""
-    for mirror, package in MIRRORS.items():
-        for path in (ROOT / mirror).rglob("test_*.py"):
-            if relative(path.parent) in (PROGRAMS, CONTRACT):
-                continue
-            folder = ROOT / package / path.parent.relative_to(ROOT / mirror)
-            inside = [each.stem.lstrip("_") for each in folder.glob("*")]
-            subject = path.stem.removeprefix("test_")
-            if not any(subject == each or subject.startswith(f"{each}_") for each in inside):
-                yield relative(path)
+    inside: dict[Path, set[str]] = {}
+    for folder in {path.parent for path in source_files()}:
+        names = {each.stem.lstrip("_") for each in folder.iterdir()}
+        inside.setdefault(mirror_of(folder), set()).update(names)
+    mirrors = {each.relative_to(ROOT / "tests").parts[0] for each in inside if each.name != "tests"}
+    for path in sorted(
+        one for each in mirrors for one in (ROOT / "tests" / each).rglob("test_*.py")
+    ):
+        if relative(path.parent) in (PROGRAMS, CONTRACT):
+            continue
+        subject = path.stem.removeprefix("test_")
+        known = inside.get(path.parent, set())
+        if not any(subject == each or subject.startswith(f"{each}_") for each in known):
+            yield relative(path)
 
 
 def untested_modules() -> Iterator[str]:
     """The large modules without a test file of their name."""
-    packages = sorted(MIRRORS.items(), key=lambda each: -len(each[1]))
-    for path in source_files(*PACKAGES):
-        mirror, package = next(each for each in packages if relative(path).startswith(each[1]))
-        inner = path.relative_to(ROOT / package)
-        names = {
-            each.stem.removeprefix("test_")
-            for each in (ROOT / mirror / inner.parent).glob("test_*.py")
-        }
+    for path in source_files():
+        files = mirror_of(path.parent).glob("test_*.py")
+        names = {each.stem.removeprefix("test_") for each in files}
         is_large = path.read_text("utf-8").count("\n") >= LARGE_MODULE
         subject = path.stem.lstrip("_")
         is_tested = any(each == subject or each.startswith(f"{subject}_") for each in names)

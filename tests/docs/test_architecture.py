@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import ast
 import re
-import tomllib
 from pathlib import Path
 
 import pytest
 
+from taskrpc import spi
 from tests.docs.markdown import read_page
+from tests.source_tree import CONTRACT
 
 ROOT = Path(__file__).parents[2]
 ARCHITECTURE = read_page(ROOT / "docs" / "explanation" / "architecture.md")
+CONTRACT_PAGE = read_page(ROOT / "docs" / "explanation" / "contract.md")
 CONTRIBUTING = read_page(ROOT / "CONTRIBUTING.md")
 
 
@@ -39,10 +41,11 @@ def test_the_module_to_start_with_exists_in_its_package():
         assert path.exists(), f"{package}: there is no {path.name}"
 
 
-def test_the_table_of_modules_has_exactly_the_top_level_modules():
-    files = [*(ROOT / "srvgen").glob("*.py"), *(ROOT / "taskrpc").glob("*.py")]
+def test_the_table_of_modules_has_exactly_the_modules_beside_packages():
+    folders = ("srvgen", "taskrpc", "taskrpc/core", "taskrpc/observe")
+    files = [path for folder in folders for path in (ROOT / folder).glob("*.py")]
     modules = {path.relative_to(ROOT).as_posix() for path in files}
-    named = {name.strip("`") for name, *_ in _rows("Top-level modules")}
+    named = {name.strip("`") for name, *_ in _rows("Modules beside the packages")}
     assert named == {each for each in modules if not each.endswith("__init__.py")}
 
 
@@ -53,13 +56,18 @@ def test_every_path_that_a_page_for_contributors_names_exists():
         assert not missing, page.path.name
 
 
-def test_the_layers_on_the_page_are_those_that_lint_imports_checks():
-    settings = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    contracts = settings["tool"]["importlinter"]["contracts"]
-    [checked] = [each["layers"] for each in contracts if each.get("containers") == ["taskrpc"]]
-    [block] = [block.text for block in ARCHITECTURE.blocks if block.kind == "text"]
-    shown = [set(line.split(" · ")) for line in block.splitlines()]
-    assert shown == [set(re.split(r"\s*[|:]\s*", layer)) for layer in checked]
+def test_the_page_shows_the_layers_and_districts_that_are_checked():
+    [checked] = [each["order"] for each in CONTRACT["layers"] if each["of"] == "taskrpc"]
+    [block] = [block.text for block in CONTRACT_PAGE.blocks if block.kind == "text"]
+    shown = [line.split(" · ") for line in block.splitlines()]
+    assert shown == [layer.split() for layer in checked]
+    rows = re.findall(r"^\| (\w+) \|", CONTRACT_PAGE.section("The districts"), flags=re.M)
+    assert rows == ["district", *CONTRACT["districts"]]
+
+
+def test_the_names_of_the_spi_on_the_page_exist():
+    named = re.findall(r"`(\w+)`", CONTRACT_PAGE.section("What the SPI has, and for whom"))
+    assert set(named) - {"Observer"} <= set(spi.__all__)
 
 
 # The walks: each step links to the function that it describes
