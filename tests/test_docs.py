@@ -33,7 +33,7 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").r
 REFERENCE = ROOT / "docs" / "reference"
 KINDS = {
     *("python", "pycon", "console", "srv", "msg", "action"),
-    *("yaml", "xml", "text", "html", "javascript"),
+    *("toml", "yaml", "xml", "text", "html", "javascript"),
 }
 """`tests/browser` runs `html`, `tests/interop` runs `javascript`."""
 

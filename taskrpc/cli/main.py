@@ -9,6 +9,9 @@ The `run` function gets the parsed options and returns the exit code. A command 
 uses `parsing.add_group` and `parsing.add_command`. A command reports a mistake of the user by
 raising a TaskRpcError, DefinitionError or OSError: `command.guarded` prints it as one message
 (one line of JSON with `--json`) and chooses the exit code.
+
+Other packages add commands as entry points of the group `taskrpc.commands`. The value of an entry
+point is the name of such a module, and the first line of its docstring is the command's purpose.
 """
 
 from __future__ import annotations
@@ -86,6 +89,9 @@ _ELSEWHERE = {
 }
 """Commands of ros2 that taskrpc does not have, and what to do instead."""
 
+ENTRY_POINTS = "taskrpc.commands"
+"""The group of entry points in which other packages list their commands."""
+
 _IN_FOLDERS = frozenset(
     "action bag bridge classroom demo doctor lab lifecycle param pkg router scene service task"
     " top topic".split()
@@ -126,7 +132,8 @@ def parser_of(command: str) -> Parser:
 
     parser = Parser(prog="taskrpc", description="ROS 2 services without ROS")
     parser.formatter_class = RawDescriptionHelpFormatter
-    parser.epilog = _overview()
+    added = {} if command in COMMANDS or command in _OLD_NAMES else _added_commands(command)
+    parser.epilog = _overview(added)
     parser.add_argument("--version", action="store_true", help="Print the version and exit")
     commands = add_group(parser)
     commands.help = SUPPRESS  # argparse would list all commands under one heading
@@ -135,6 +142,10 @@ def parser_of(command: str) -> Parser:
         own = add_command(commands, name, purpose)
         if name == command:
             _module(name).configure(own)
+    for name, module in added.items():
+        own = add_command(commands, name, _purpose(module))
+        if name == command:
+            module.configure(own)
     if command in _OLD_NAMES:
         name, configure = _OLD_NAMES[command]
         getattr(_module(name), configure)(add_command(commands, command, COMMANDS[name]))
@@ -146,9 +157,46 @@ def _module(command: str) -> ModuleType:
     return import_module(f"taskrpc.cli.{home}")
 
 
-def _overview() -> str:
+def _added_commands(command: str) -> dict[str, ModuleType]:
+    """Return the module of this command if another package adds it, else those of all packages.
+
+    A broken package must not take the commands of taskrpc with it: its command is left out, with
+    a line on stderr.
+    """
+    from importlib.metadata import entry_points
+
+    found: dict[str, ModuleType] = {}
+    points = entry_points(group=ENTRY_POINTS)
+    for each in sorted(points.select(name=command) or points):
+        if each.name in COMMANDS or each.name in _OLD_NAMES:
+            continue
+        try:
+            module = import_module(each.value)
+            if not callable(getattr(module, "configure", None)):
+                raise AttributeError("the module has no function configure(parser)")
+        except Exception as error:
+            package = each.dist.name if each.dist else each.value
+            problem = f"{type(error).__name__}: {error}"
+            print(
+                f"taskrpc: the package {package} adds the command {each.name!r} with the module"
+                f" {each.value}, which cannot be used: {problem}",
+                file=sys.stderr,
+            )
+        else:
+            found[each.name] = module
+    return found
+
+
+def _purpose(module: ModuleType) -> str:
+    return (module.__doc__ or "").strip().partition("\n")[0].rstrip(".")
+
+
+def _overview(added: dict[str, ModuleType]) -> str:
     lines = []
-    for heading, group in _GROUPS.items():
+    groups = dict(_GROUPS)
+    if added:
+        groups["Of other packages"] = {name: _purpose(each) for name, each in added.items()}
+    for heading, group in groups.items():
         lines.append(f"{heading}:")
         lines += [f"  {name:<10} {purpose}" for name, purpose in group.items()]
         lines.append("")

@@ -180,7 +180,29 @@ class Stage:
             )
         )
 
+    def _install(self) -> None:
+        """Do what `pip install .` does with the entry points of the page's package.
+
+        Its modules are in the page's folder, where programs find them. `tests/interop` installs
+        such a package with pip.
+        """
+        project = tomllib.loads((self.folder / "pyproject.toml").read_text(encoding="utf-8"))
+        name, version = project["project"]["name"], project["project"]["version"]
+        info = self.folder / f"{name}-{version}.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(
+            f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n", encoding="utf-8"
+        )
+        lines = []
+        for group, points in project["project"]["entry-points"].items():
+            lines.append(f"[{group}]")
+            lines += [f"{point} = {value}" for point, value in points.items()]
+        (info / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
     def _command(self, command: str, shown: str) -> None:
+        if command == "pip install .":
+            self._install()
+            return
         self._run(*self._parsed(command))
         said = normalised(self._output) + "\n"
         right = pattern_of(shown).fullmatch(said) if shown.strip() else not said.strip()

@@ -79,10 +79,17 @@ def test_packages_import_almost_nothing(package):
     assert needless(modules, f"typing re enum {NETWORK} {MISTAKES} {ELSEWHERE}") == []
 
 
-@pytest.mark.parametrize("argv", [["--help"], ["service", "--help"], ["service", "call", "--help"]])
-def test_help_of_taskrpc_imports_no_network(argv):
+@pytest.mark.parametrize("argv", [["service", "--help"], ["service", "call", "--help"]])
+def test_help_of_a_command_imports_no_network(argv):
     modules = command("taskrpc.cli.main", *argv)
     assert needless(modules, f"typing {DEFINITIONS} {NETWORK} {MISTAKES} {ELSEWHERE}") == []
+
+
+def test_help_of_taskrpc_imports_only_what_finds_the_commands_of_other_packages():
+    modules = command("taskrpc.cli.main", "--help")
+    needed = imported("import importlib.metadata")
+    unwanted = f"typing {DEFINITIONS} {NETWORK} {MISTAKES} {ELSEWHERE}"
+    assert needless(modules - needed, unwanted) == []
 
 
 def test_rclpy_program_imports_no_rarely_needed_module(tmp_path, monkeypatch):

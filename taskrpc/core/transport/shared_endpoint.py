@@ -49,7 +49,9 @@ TRANSPORTS = {
         advice=lambda: install_command("zenoh", "eclipse-zenoh"),
     ),
 }
-"""The values of `transport=`. A new transport needs one line here; see `network` and `engine`."""
+"""The transports of taskrpc. Other packages add theirs as entry points; see `registered`."""
+ENTRY_POINTS = "taskrpc.transports"
+"""The group of entry points in which other packages list their transports."""
 
 _Key: TypeAlias = tuple[str, Settings, object, object, str]
 """What nodes must have in common to share an endpoint; the last part is the program."""
@@ -117,12 +119,22 @@ async def close_program(program: str) -> None:
 
 
 def registered(name: str) -> Registration:
-    """Return the registration of a transport. Raises TaskRpcError for an unknown name."""
-    found = TRANSPORTS.get(name)
-    if found is None:
-        *others, last = map(repr, TRANSPORTS)
-        raise TaskRpcError(f"transport: expected {', '.join(others)} or {last}, got {name!r}")
-    return found
+    """Return the registration of a transport: ours, or that of an installed package.
+
+    A package lists its transport in the group `taskrpc.transports` of its entry points. The value
+    is the `opener` of `Registration`.
+
+    Raises TaskRpcError for an unknown name.
+    """
+    if (found := TRANSPORTS.get(name)) is not None:
+        return found
+    from importlib.metadata import entry_points  # it reads the folders of all installed packages
+
+    others = {each.name: each.value for each in entry_points(group=ENTRY_POINTS)}
+    if name in others:
+        return Registration(others[name])
+    *most, last = map(repr, [*TRANSPORTS, *sorted(others.keys() - TRANSPORTS.keys())])
+    raise TaskRpcError(f"transport: expected {', '.join(most)} or {last}, got {name!r}")
 
 
 def lab_namespace(name: str, peers: Sequence[str] | None) -> str:
