@@ -1,46 +1,46 @@
 # One word a task; `make check` is what has to pass. Set PYTHON to use another interpreter.
+# `.ci/checks.toml` lists the checks: each of them is a word here too.
 
 PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
+CHECK = $(BIN)/python .ci/run --here
 
-.PHONY: install test faults browser notebooks interop pictures site slides postgres soak mutants lint types layers windows check format demo bench clean
+.PHONY: install check test faults interop labs browser windows types notebooks postgres uvloop \
+	site lint demo pictures slides soak mutants format bench clean
 
 install:
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/pip install --quiet --editable '.[dev]'
 
+check:
+	$(CHECK) lint types quick
+
 test:
-	$(BIN)/pytest
+	$(CHECK) quick
 
-faults:
-	$(BIN)/pytest -m faults
+faults labs windows types postgres lint demo:
+	$(CHECK) $@
 
-browser:
-	$(BIN)/pip install --quiet --editable '.[dev,browser]'
-	$(BIN)/pytest -m browser tests/browser tests/ros/turtlesim
+browser interop notebooks:
+	$(BIN)/pip install --quiet --editable '.[dev,$@]'
+	$(CHECK) $@
 
-notebooks:
-	$(BIN)/pip install --quiet --editable '.[dev,notebooks]'
-	$(BIN)/pytest -m notebooks tests/notebooks
+uvloop:
+	$(BIN)/pip install --quiet --editable '.[dev,fast]'
+	$(CHECK) $@
+	$(BIN)/pip uninstall --quiet --yes uvloop
+
+site:
+	$(BIN)/pip install --quiet --editable '.[docs]'
+	$(CHECK) $@
 
 pictures:
 	$(BIN)/pip install --quiet --editable '.[dev,browser]'
 	$(BIN)/python docs/pictures/make.py
 
-site:
-	$(BIN)/pip install --quiet --editable '.[docs]'
-	$(BIN)/python docs/site/make.py build/site
-
 slides: site
 	npx --yes @marp-team/marp-cli --no-stdin docs/teach/slides.md --output build/site/docs/teach/show.html
-
-interop:
-	$(BIN)/pip install --quiet --editable '.[dev,interop]'
-	$(BIN)/pytest -m interop tests/interop tests/core/transport/contract tests/core/transport/pubsub tests/ros/packages
-
-postgres:
-	$(BIN)/pytest -m postgres tests/robot/fleet
 
 soak:
 	$(BIN)/pytest -m faults --soak
@@ -53,33 +53,13 @@ mutants:
 	$(BIN)/pip install --quiet --editable '.[mutants]'
 	$(BIN)/python tests/mutation/mutants.py --sample $(SAMPLE) $(MODULES)
 
-lint:
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-
-types:
-	for system in linux win32 darwin; do $(BIN)/mypy --platform $$system || exit 1; done
-	for folder in examples/0*/; do $(BIN)/mypy "$$folder" || exit 1; done
-	$(BIN)/pytest -m types
-
-windows:
-	$(BIN)/python .ci/windows
-
-layers:
-	$(BIN)/lint-imports
-
-check: lint types layers test
-
 format:
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
-
-demo:
-	$(BIN)/taskrpc demo
 
 bench:
 	$(BIN)/pip install --quiet --editable '.[bench]'
 	$(BIN)/python benchmarks/run.py
 
 clean:
-	rm -rf $(VENV) .mutants .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) .mutants .mypy_cache .ruff_cache .pytest_cache .hypothesis
