@@ -19,6 +19,7 @@ from taskrpc.testing import VirtualTimeLoop
 from tests import properties
 from tests.faults.harness import HAPPENED
 from tests.postgres import own_cluster, pgbouncer, postgres_url, shared_cluster  # noqa: F401 - fixtures
+from tests.zenoh_routers import zenoh_router  # noqa: F401 - a fixture
 
 WHOLE_RUNS = ("faults", "hypothesis", "faults or hypothesis or corpus")
 """What `-m` picks in the runs that use all cores, beside the plain run."""

@@ -16,7 +16,6 @@ import taskrpc
 pytest.importorskip("zenoh_ros2_sdk")
 pytest.importorskip("pyzeros")
 
-from tests.core.transport.conftest import zenoh_router  # noqa: F401
 from tests.core.transport.helpers import until
 
 pytestmark = pytest.mark.real_time
@@ -33,7 +32,7 @@ def other(request):
 
 
 @pytest.fixture
-async def node(zenoh_router):  # noqa: F811
+async def node(zenoh_router):
     async with taskrpc.Node("here", transport="zenoh", peers=[zenoh_router]) as node:
         yield node
 
@@ -45,7 +44,7 @@ def folder(tmp_path_factory):
 
 
 @pytest.fixture
-async def run(zenoh_router, folder):  # noqa: F811
+async def run(zenoh_router, folder):
     """Starts a program of another implementation; returns its process."""
     port = zenoh_router.rpartition(":")[2]
     async with contextlib.AsyncExitStack() as stack:

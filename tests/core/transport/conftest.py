@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import importlib.util
 import itertools
-import socket
 
 import pytest
 
@@ -96,18 +95,6 @@ class Network:
 
     async def client(self, srv_type, name, *, node="client", **options):
         return (await self.node(node)).create_client(srv_type, name, **options)
-
-
-@pytest.fixture(scope="session")
-def zenoh_router():
-    """A router, and its address; all tests of this process share it."""
-    session_module = pytest.importorskip("taskrpc.middleware.zenoh.session")
-    from taskrpc.middleware.zenoh.configuration import router_configuration
-
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        place = f"127.0.0.1:{free.getsockname()[1]}"
-    with session_module.open_session(router_configuration(place)):
-        yield place
 
 
 @pytest.fixture

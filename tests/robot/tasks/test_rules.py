@@ -2,10 +2,11 @@ import msgspec
 import pytest
 
 from taskrpc.robot.tasks import rules
-from taskrpc.robot.tasks.model import BEGUN, Task, TaskState
+from taskrpc.robot.tasks.model import Task, TaskState
 from taskrpc.robot.tasks.responses import TaskResponse
 
 ENDED = [state for state in TaskState if state.is_ended]
+BEGUN = [state for state in TaskState if state not in (TaskState.QUEUED, *ENDED)]
 
 
 def task(state=TaskState.QUEUED, **fields):
