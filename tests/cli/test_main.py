@@ -11,6 +11,7 @@ import pytest
 import srvgen.cli.main
 from taskrpc.cli import call, main, server
 from taskrpc.cli.shared import parsing
+from tests.installed import add_package
 
 CLI = Path(main.__file__).parent
 
@@ -152,3 +153,78 @@ def test_the_help_of_run_names_ros_enable():
     assert "taskrpc ros enable" in next(
         parser.format_help() for page, parser in _pages() if page == "taskrpc run"
     )
+
+
+# Commands of other packages
+
+GREET = '''"""Greet a person."""
+
+def configure(parser):
+    parser.add_argument("name")
+    parser.set_defaults(run=lambda options: print(f"Hello, {options.name}!") or 3)
+'''
+
+
+def ran(arguments):
+    """The exit code of a command, also of a page of help."""
+    try:
+        return main.main(arguments)
+    except SystemExit as ended:
+        return ended.code
+
+
+@pytest.fixture
+def add_commands(tmp_path, monkeypatch):
+    """Install a package with these modules and commands."""
+    monkeypatch.syspath_prepend(str(tmp_path))
+
+    def add(modules, commands):
+        add_package(tmp_path, "greeting", modules, {main.ENTRY_POINTS: commands})
+
+    return add
+
+
+def test_a_command_of_another_package_runs_and_has_help(add_commands, capsys):
+    add_commands({"greet_command": GREET}, {"greet": "greet_command"})
+    assert ran(["greet", "Ada"]) == 3
+    assert capsys.readouterr().out == "Hello, Ada!\n"
+    assert ran(["greet"]) == 2
+    assert "arguments are required: name" in capsys.readouterr().err
+    assert ran(["--help"]) == 0
+    assert "Of other packages:\n  greet      Greet a person\n" in capsys.readouterr().out
+
+
+def test_no_package_replaces_a_command_of_taskrpc(add_commands, capsys):
+    add_commands({"greet_command": GREET}, {"task": "greet_command", "alias": "greet_command"})
+    assert ran(["task", "-h"]) == 0
+    assert "Greet" not in capsys.readouterr().out
+    assert ran(["--help"]) == 0
+    assert "Of other packages" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("import no_such_module", "ModuleNotFoundError: No module named 'no_such_module'"),
+        ("1 / 0", "ZeroDivisionError: division by zero"),
+        ("", "AttributeError: the module has no function configure(parser)"),
+    ],
+)
+def test_a_command_that_cannot_be_used_is_named_and_left_out(add_commands, capsys, text, problem):
+    name = f"broken_{len(text)}_command"
+    add_commands({name: text, "greet_command": GREET}, {"broken": name, "greet": "greet_command"})
+    assert ran(["--help"]) == 0
+    out, err = capsys.readouterr()
+    assert err == (
+        "taskrpc: the package greeting adds the command 'broken' with the module"
+        f" {name}, which cannot be used: {problem}\n"
+    )
+    assert "greet      Greet a person" in out
+    assert "broken" not in out
+    assert ran(["greet", "Ada"]) == 3
+    assert capsys.readouterr().err == ""
+
+
+def test_our_own_commands_search_no_installed_packages(monkeypatch):
+    monkeypatch.setattr("importlib.metadata.entry_points", None)
+    assert ran(["task", "-h"]) == 0

@@ -21,6 +21,7 @@ from xml.etree import ElementTree
 import srvgen
 from taskrpc.robot import parse_map
 from taskrpc.ros.packages.rclpy._impl.parameters.yaml_parameters import ROS_PARAMETERS, read_file
+from tests.installed import add_package
 
 from .markdown import Block, Page
 from .matching import normalised, pattern_of
@@ -187,17 +188,8 @@ class Stage:
         such a package with pip.
         """
         project = tomllib.loads((self.folder / "pyproject.toml").read_text(encoding="utf-8"))
-        name, version = project["project"]["name"], project["project"]["version"]
-        info = self.folder / f"{name}-{version}.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text(
-            f"Metadata-Version: 2.1\nName: {name}\nVersion: {version}\n", encoding="utf-8"
-        )
-        lines = []
-        for group, points in project["project"]["entry-points"].items():
-            lines.append(f"[{group}]")
-            lines += [f"{point} = {value}" for point, value in points.items()]
-        (info / "entry_points.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
+        project = project["project"]
+        add_package(self.folder, project["name"], {}, project["entry-points"])
 
     def _command(self, command: str, shown: str) -> None:
         if command == "pip install .":

@@ -10,7 +10,8 @@ import taskrpc
 from taskrpc.core import platform
 from taskrpc.core.transport import shared_endpoint
 from taskrpc.core.transport.memory import MemoryNetwork
-from taskrpc.core.transport.shared_endpoint import TRANSPORTS, Registration
+from taskrpc.core.transport.shared_endpoint import ENTRY_POINTS, TRANSPORTS, Registration
+from tests.installed import add_package
 
 
 def register(monkeypatch, name, *arguments, **more):
@@ -21,6 +22,18 @@ def test_an_unknown_transport_lists_those_that_exist(monkeypatch):
     register(monkeypatch, "pigeon", "pigeon.post:open_network")
     problem = "transport: expected 'tcp', 'memory', .* or 'pigeon', got 'dove'"
     with pytest.raises(taskrpc.TaskRpcError, match=problem):
+        taskrpc.Node("node", transport="dove")
+
+
+async def test_an_installed_package_adds_a_transport(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    text = "from taskrpc.core.transport.memory import open_network\n"
+    points = {"raven": "ravens:open_network", "tcp": "ravens:open_network"}
+    add_package(tmp_path, "ravens", {"ravens": text}, {ENTRY_POINTS: points})
+    async with taskrpc.Node("node", transport="raven") as node:
+        assert isinstance(node._transport.network, MemoryNetwork)
+    assert shared_endpoint.registered("tcp") is TRANSPORTS["tcp"]
+    with pytest.raises(taskrpc.TaskRpcError, match=r"'zenoh' or 'raven', got 'dove'"):
         taskrpc.Node("node", transport="dove")
 
 
@@ -42,7 +55,7 @@ async def test_a_missing_module_is_named_with_the_command_that_installs_it(monke
 
 async def test_a_module_that_is_missing_for_another_reason_is_a_mistake_of_ours(monkeypatch):
     register(monkeypatch, "pigeon", "taskrpc.core.transport.absent:open_network", needs="pigeon")
-    with pytest.raises(ModuleNotFoundError, match=r"taskrpc\.transport\.absent"):
+    with pytest.raises(ModuleNotFoundError, match=r"taskrpc\.core\.transport\.absent"):
         await taskrpc.Node("node", transport="pigeon").start()
 
 
