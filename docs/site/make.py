@@ -142,11 +142,8 @@ def nav(staged: Path) -> list[Any]:
     rooms: list[Any] = []
     for section in re.split(r"^## ", index, flags=re.M)[1:]:
         title = section.partition("\n")[0]
-        entries: list[Any] = [
-            {label: posixpath.normpath(f"docs/{target}")}
-            for label, target in _ENTRY.findall(section)
-            if not target.startswith("..")
-        ]
+        first, *groups = re.split(r"^### ", section, flags=re.M)
+        entries = [*_pages(first), *({each.partition("\n")[0]: _pages(each)} for each in groups)]
         if title == "Reference":
             entries.append({"From the docstrings": [f"{API}/{name}.md" for name in MODULES]})
         if entries:
@@ -168,6 +165,15 @@ def nav(staged: Path) -> list[Any]:
     rest = {path.relative_to(staged).as_posix() for path in staged.rglob("*.md")} - named
     found[-1]["Project"].append({"Source files": sorted(rest)})
     return found
+
+
+def _pages(section: str) -> list[Any]:
+    """Return the pages that a section lists."""
+    return [
+        {label: posixpath.normpath(f"docs/{target}")}
+        for label, target in _ENTRY.findall(section)
+        if not target.startswith("..")
+    ]
 
 
 def _targets(entries: Any) -> Iterator[str]:
