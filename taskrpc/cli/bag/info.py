@@ -12,10 +12,10 @@ import msgspec
 
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound
-from taskrpc.cli.task.view import printable
 from taskrpc.observe.recording.mcap_file import Topic
 from taskrpc.observe.recording.schemas import EVENT, is_event
 from taskrpc.observe.recording.sqlite_file import AnyRecording, open_recording
+from taskrpc.observe.texts import printable
 from taskrpc.spi import SUFFIX
 
 

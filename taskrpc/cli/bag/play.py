@@ -9,9 +9,9 @@ import sys
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound
 from taskrpc.cli.shared.remote import remote_of
-from taskrpc.cli.task.view import printable
 from taskrpc.observe.recording.player import Player, PlaySettings
 from taskrpc.observe.recording.sqlite_file import AnyRecording, open_recording
+from taskrpc.observe.texts import printable
 
 _LAST = 0.1
 """Seconds to stay after the last message, so that it is sent."""

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from taskrpc.cli.task.view import aligned, change, instant, work_of
+from taskrpc.cli.task.view import aligned, change, instant
+from taskrpc.observe.texts import work_of
 
 _SHARE = 0.01  # of the actual time: the largest difference of a correct estimate
 _BUSY_SHARE = 0.05  # the same on a busy computer, whose timers are late

@@ -18,7 +18,7 @@ from rich.text import Text
 from taskrpc.cli.demo import map_view
 from taskrpc.cli.demo.map_view import FloorPlan, fitting
 from taskrpc.cli.demo.story import CLIENTS, Stage
-from taskrpc.cli.task.view import work_of
+from taskrpc.observe.texts import work_of
 from taskrpc.robot.kinematics import Point
 
 SMALLEST = (40, 20)

@@ -12,8 +12,9 @@ from contextlib import AsyncExitStack, aclosing, asynccontextmanager
 from typing import Any, NamedTuple, TypeAlias
 
 from taskrpc.cli.task.task_services import TaskRefused, TaskServices
-from taskrpc.cli.task.view import result, work_of
+from taskrpc.cli.task.view import result
 from taskrpc.node import Node
+from taskrpc.observe.texts import work_of
 from taskrpc.robot import KinematicRobot, default_world
 from taskrpc.robot.tasks import MemoryStore, TaskServer
 

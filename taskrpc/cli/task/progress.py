@@ -9,7 +9,8 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from taskrpc.cli.task.task_services import Update
-from taskrpc.cli.task.view import as_object, in_seconds, status_line, work_of
+from taskrpc.cli.task.view import as_object, in_seconds, status_line
+from taskrpc.observe.texts import work_of
 
 if TYPE_CHECKING:
     from rich.console import Console

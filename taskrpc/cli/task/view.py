@@ -7,6 +7,8 @@ from collections.abc import Iterable, Sequence
 from datetime import datetime
 from typing import Any
 
+from taskrpc.observe.texts import printable, work_of
+
 _NOTEWORTHY = 0.05  # seconds of a change; less would be shown as 0.0
 _LONG = 8  # longest list whose values are all shown; of others only the range
 
@@ -36,11 +38,6 @@ def aligned(rows: Sequence[Sequence[str]], *, right: Iterable[int] = ()) -> list
         for i, (cell, width) in enumerate(zip(row, widths, strict=True))
     )
     return ["  ".join(next(cells) for _ in widths).rstrip() for _ in rows]
-
-
-def work_of(task: Any) -> str:
-    """Return the work of a task, such as `move warehouse`."""
-    return printable(f"{task.task_type} {task.target}")
 
 
 def status_line(task: Any) -> str:
@@ -116,11 +113,6 @@ def whole_object(task: Any) -> dict[str, Any]:
 def instant(stamp: Any) -> float | None:
     """Return a Time message as seconds since 1970, None if it is not set."""
     return stamp.sec + stamp.nanosec / 1e9 if stamp.sec or stamp.nanosec else None
-
-
-def printable(text: str) -> str:
-    """Return another user's text without characters that could control a terminal."""
-    return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
 def _robot(task: Any) -> str:

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from taskrpc.cli.shared.remote import Remote
-    from taskrpc.cli.top.model import View
-    from taskrpc.cli.top.reading import Reader
+    from taskrpc.observe.top.model import View
+    from taskrpc.observe.top.reading import Reader
 
 _PERIODS = (0.2, 60.0)
 
@@ -51,7 +51,7 @@ def _run(options: Namespace) -> Exit:
 
 
 async def _watch(options: Namespace, remote: Remote, console: Console | None) -> None:
-    from taskrpc.cli.top.reading import Reader
+    from taskrpc.observe.top.reading import Reader
 
     async with remote.node() as node:
         reader = Reader(node, place=remote.place, period=options.period, hidden=options.all)

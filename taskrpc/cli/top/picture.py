@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Sequence
 from enum import Enum
 from typing import NamedTuple, TypeAlias, TypeVar
 
-from taskrpc.cli.top.model import NodeRow, ServiceRow, TaskRow, TaskServerRow, View
+from taskrpc.observe.top.model import NodeRow, ServiceRow, TaskRow, TaskServerRow, View
 
 _Item = TypeVar("_Item")
 

@@ -14,8 +14,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.text import Text
 
-from taskrpc.cli.top.model import View
 from taskrpc.cli.top.picture import ASCII, UNICODE, Line, Role, picture
+from taskrpc.observe.top.model import View
 from taskrpc.spi import platform
 
 _STYLES = {

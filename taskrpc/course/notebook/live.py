@@ -10,11 +10,11 @@ from collections.abc import Callable
 
 import taskrpc.sync
 from taskrpc import Observer
-from taskrpc.cli.top.model import TaskServerRow
-from taskrpc.cli.top.reading import TaskServerReader, task_services
 from taskrpc.course.notebook.calls import CallList
 from taskrpc.course.notebook.jupyter import Picture
 from taskrpc.course.notebook.picture import Shown, html, text
+from taskrpc.observe.top.model import TaskServerRow
+from taskrpc.observe.top.reading import TaskServerReader, task_services
 from taskrpc.robot.kinematics import Point
 from taskrpc.robot.world import World
 from taskrpc.sync.loop_thread import SLICE

@@ -9,8 +9,8 @@ from html import escape
 
 import msgspec
 
-from taskrpc.cli.top.model import Pose, TaskRow, TaskServerRow
 from taskrpc.course.notebook.calls import EndedCall
+from taskrpc.observe.top.model import Pose, TaskRow, TaskServerRow
 from taskrpc.robot.kinematics import Point
 from taskrpc.robot.world import World
 

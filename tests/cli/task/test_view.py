@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 
 import srvgen
-from taskrpc.cli.task.view import aligned, as_object, details, printable, status_line, table
+from taskrpc.cli.task.view import aligned, as_object, details, status_line, table
+from taskrpc.observe.texts import printable
 
 TASK_INFO = srvgen.load("taskrpc_interfaces/msg/TaskInfo")
 

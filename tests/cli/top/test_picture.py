@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskrpc.cli.top.model import NodeRow, Pose, ServiceRow, TaskRow, TaskServerRow, View
 from taskrpc.cli.top.picture import (
     ASCII,
     UNICODE,
@@ -22,6 +21,7 @@ from taskrpc.cli.top.picture import (
     text_of,
     width_of,
 )
+from taskrpc.observe.top.model import NodeRow, Pose, ServiceRow, TaskRow, TaskServerRow, View
 
 
 def service(name, rate=0.0, *, p50=None, p99=None, errors=0, now=0, running=0, waiting=0):

@@ -2,9 +2,9 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from taskrpc.cli.top.model import Pose, TaskRow, TaskServerRow
 from taskrpc.course.notebook.calls import EndedCall
 from taskrpc.course.notebook.picture import Shown, html, text
+from taskrpc.observe.top.model import Pose, TaskRow, TaskServerRow
 from taskrpc.robot.mapfile import default_world
 
 RUNNING = TaskRow(1, "move warehouse", 5, "RUNNING", 0.25, 7.5, "/ana")

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from taskrpc.cli.top.model import History, Pose, TaskRow, TaskServerRow
 from taskrpc.core.transport.base import ProgramStatistics
 from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.core.wire.messages import ServiceEndpoint
 from taskrpc.core.wire.statistics import ServiceStatistics, Statistics, bucket_of
 from taskrpc.errors import Code
+from taskrpc.observe.top.model import History, Pose, TaskRow, TaskServerRow
 
 
 def entry(pid=1, *, nodes=("/server",), services=("/add",), address="here:1"):

@@ -9,12 +9,11 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import srvgen
-from taskrpc.cli.shared.command import is_mistake
-from taskrpc.cli.task.view import printable, work_of
-from taskrpc.cli.top.model import History, Pose, TaskRow, TaskServerRow, View
-from taskrpc.core.transport.suggestions import domains
+from taskrpc.errors import TaskRpcError
+from taskrpc.observe.texts import printable, work_of
+from taskrpc.observe.top.model import History, Pose, TaskRow, TaskServerRow, View
 from taskrpc.qos import QoS
-from taskrpc.spi import ProgramStatistics, RegistryEntry, domain_id
+from taskrpc.spi import ProgramStatistics, RegistryEntry, domain_id, suggestions
 
 if TYPE_CHECKING:
     from taskrpc.client import Client
@@ -59,7 +58,7 @@ class Reader:
             domain=domain_id(),
             place=self._place,
             task_servers=rows,
-            elsewhere=domains() if is_alone else (),
+            elsewhere=suggestions.domains() if is_alone else (),
         )
 
     def _servers(self, programs: Sequence[ProgramStatistics]) -> list[TaskServerReader]:
@@ -105,9 +104,7 @@ class TaskServerReader:
         try:
             request = self._type.Request(limit=_MOST_TASKS)
             response = await self._client.call(request, timeout=self._timeout)
-        except Exception as error:
-            if not is_mistake(error):
-                raise
+        except (OSError, TaskRpcError) as error:
             return TaskServerRow(self._service, problem=printable(str(error)))
         tasks = tuple(_task_row(task) for task in response.tasks)
         return TaskServerRow(self._service, response.paused, response.queued, tasks, self._pose)

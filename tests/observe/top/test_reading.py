@@ -9,9 +9,9 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.cli.top.model import Pose
 from taskrpc.cli.top.picture import picture, text_of
-from taskrpc.cli.top.reading import Reader
+from taskrpc.observe.top.model import Pose
+from taskrpc.observe.top.reading import Reader
 from taskrpc.robot import KinematicRobot, default_world
 from taskrpc.robot.tasks import MemoryStore, TaskServer
 
