@@ -266,7 +266,7 @@ def _signature(function: Any, name: str) -> str:
     text = f"{name}{inspect.Signature(plain)}"
     text = text.replace("'", '"')
     text = re.sub(r"<(\w+\.\w+): [^>]*>", r"\1", text)  # members of an Enum
-    text = re.sub(r"<built-in function (\w+)>", r"\1", text)
+    text = re.sub(r"<(?:built-in )?function (\w+)(?: at \w+)?>", r"\1", text)
     return f"await {text}" if inspect.iscoroutinefunction(function) else text
 
 

@@ -249,7 +249,9 @@ def test_a_process_can_be_asked_to_end():
 
 
 def test_output_takes_any_character(capfd):
-    program = "from taskrpc import platform; platform.prepare_output(); print('é → \\U0001f916')"
+    program = (
+        "from taskrpc.core import platform; platform.prepare_output(); print('é → \\U0001f916')"
+    )
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
     done = subprocess.run(
         [sys.executable, "-c", program], env=environment, capture_output=True, check=True

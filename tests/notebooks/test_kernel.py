@@ -15,7 +15,7 @@ from tests.docs.markdown import read_page  # noqa: E402
 from tests.notebooks.kernel import Kernel  # noqa: E402
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "work-in-a-notebook.md"
-BEGIN = "%load_ext taskrpc.course.notebook\nfrom taskrpc import notebook"
+BEGIN = "%load_ext taskrpc.course.notebook\nfrom taskrpc.course import notebook"
 SERVER = """
 import rclpy
 from example_interfaces.srv import AddTwoInts
@@ -329,7 +329,7 @@ def test_page_is_true(kernel):
 def test_module_works_without_a_kernel(tmp_path, runtime):
     import subprocess
 
-    code = "from taskrpc import notebook\nnotebook.start_robot()\nnotebook.view()\n"
+    code = "from taskrpc.course import notebook\nnotebook.start_robot()\nnotebook.view()\n"
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=tmp_path,

@@ -15,7 +15,6 @@ from taskrpc.cli.main import main
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.core.security.installing import install_command
 from taskrpc.errors import TaskRpcError
-from tests.core.transport.conftest import zenoh_router  # noqa: F401
 
 Trigger = srvgen.load("std_srvs/srv/Trigger")
 
@@ -44,7 +43,7 @@ def overridden(place):
 
 
 @pytest.mark.real_time
-def test_services_over_zenoh_are_reported_with_the_router(examine, zenoh_router):  # noqa: F811
+def test_services_over_zenoh_are_reported_with_the_router(examine, zenoh_router):
     with taskrpc.sync.Node("server", transport="zenoh", peers=[zenoh_router]) as node:
         node.create_service(Trigger, "look", lambda request, response: response)
         code, found = examine("--transport", "zenoh", zenoh_router)
@@ -57,7 +56,7 @@ def test_services_over_zenoh_are_reported_with_the_router(examine, zenoh_router)
 
 
 @pytest.mark.real_time
-def test_router_without_programs_is_a_note(examine, monkeypatch, zenoh_router):  # noqa: F811
+def test_router_without_programs_is_a_note(examine, monkeypatch, zenoh_router):
     monkeypatch.setenv("ZENOH_CONFIG_OVERRIDE", overridden(zenoh_router))
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
     code, found = examine("--transport", "zenoh")

@@ -11,7 +11,6 @@ import pytest
 
 from taskrpc import sync
 from taskrpc.cli.main import main
-from tests.core.transport.conftest import zenoh_router  # noqa: F401
 from tests.core.transport.helpers import Add, add, ask
 
 pytest.importorskip("zenoh")
@@ -44,7 +43,7 @@ def call_over(place):
         return client.call(ask(1, 2)).sum
 
 
-def test_a_taken_address_is_one_line(zenoh_router, capsys):  # noqa: F811
+def test_a_taken_address_is_one_line(zenoh_router, capsys):
     assert main(["router", "--listen", zenoh_router]) == 1
     error = capsys.readouterr().err
     assert error.startswith("cannot open a Zenoh session: ")
@@ -57,7 +56,7 @@ def test_an_invalid_address_is_refused(capsys):
     assert "expected HOST:PORT or tcp/HOST:PORT" in capsys.readouterr().err
 
 
-def test_commands_use_zenoh(zenoh_router, capsys):  # noqa: F811
+def test_commands_use_zenoh(zenoh_router, capsys):
     over = ["--transport", "zenoh", "--connect", zenoh_router]
     with sync.Node("server", transport="zenoh", peers=[zenoh_router]) as node:
         node.create_service(Add, "add", add)

@@ -5,13 +5,12 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskrpc.core.security import accounts
+from taskrpc.core.security import account_file
 from taskrpc.core.security.lab import Lab
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.core.transport.network import Address
 from taskrpc.core.wire import handshake
 from taskrpc.core.wire.messages import ServiceEndpoint
-from taskrpc.course.classroom import register
 
 ABOUT = RegistryEntry(pid=1, script="a.py", folder="/", since=1.0)
 NAMES = st.sampled_from(["a", "b", "c", "c2"])  # the last two are one name on two nodes
@@ -73,8 +72,7 @@ def test_no_repr_has_a_secret():
         RegistryEntry(1, "x.py", "/", 0.0, "host:1", secret),
         EntryChange(node="/n", address="host:1", token=secret),
         handshake._Key(secret.encode(), None),
-        register._Row(secret),
-        accounts._Row(secret),
+        account_file.Row(secret),
         Lab(place="host:1", token=f"ada.{secret}", certificate="x"),
         Address("host:1", secret.encode()),
     ]

@@ -87,7 +87,11 @@ def _was_never_spun(node: NodeInterface) -> bool:
 
 def _offered(node: NodeInterface) -> list[str]:
     """The services that the program has created; every node has some more."""
-    return [each.service_name for each in services_of(node) if not each.is_of_every_node]
+    return [
+        each.service_name
+        for each in services_of(node)
+        if not (each.is_of_every_node or each.srv_type._TYPE.startswith("lifecycle_msgs/"))
+    ]
 
 
 def _has_other_callbacks(node: Any) -> bool:

@@ -87,7 +87,7 @@ def test_logging_at_the_very_end_of_a_program_only_logs():
     program = (
         "import atexit\n"
         "atexit.register(lambda: node.get_logger().info('bye'))\n"
-        "from taskrpc import rclpy\n"
+        "from taskrpc.ros.packages import rclpy\n"
         "rclpy.init()\n"
         "node = rclpy.create_node('node')\n"
     )
