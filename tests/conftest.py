@@ -50,14 +50,17 @@ def pytest_addoption(parser):
 def pytest_cmdline_main(config):
     """Choose how many processes run the tests.
 
-    A whole run uses all cores. Tests that the command line picks run in this one process, where a
-    debugger sees them, and try all examples of Hypothesis. So does `--soak`, because it measures.
+    A whole run uses all cores, and so does the run of a whole district, such as `tests/core`. Tests
+    that the command line picks run in this one process, where a debugger sees them, and try all
+    examples of Hypothesis. So does `--soak`, because it measures.
     """
     if "PYTEST_XDIST_WORKER" in os.environ:  # one of those processes must never start more of them
         return
     option = config.option
     picked = option.keyword or option.usepdb or option.trace or option.capture == "no"
-    whole = config.args_source is config.ArgsSource.TESTPATHS and not option.soak
+    places = [Path(each).resolve() for each in config.args]
+    districts = all(each.is_dir() and each.parent == TESTS for each in places)
+    whole = (config.args_source is config.ArgsSource.TESTPATHS or districts) and not option.soak
     whole &= is_plain(config) or option.markexpr in WHOLE_RUNS
     option.few_examples = whole and not picked and is_plain(config)
     if whole and not picked and getattr(option, "numprocesses", 0) is None and not option.tx:
