@@ -28,16 +28,22 @@ _MOVEIT = "MoveIt runs only on a real ROS 2; taskrpc has its interfaces, in `mov
 _GAZEBO = "Gazebo runs only on a real ROS 2; taskrpc has its interfaces, in `ros_gz_interfaces`"
 _WEBOTS = "Webots' launcher runs only on a real ROS 2"
 _XACRO = "PyPI has it; run pip install xacro"
+_MARKERS = "RViz shows its markers, and only a real ROS 2 has RViz"
+_CONVERTER = "use `message_to_ordereddict` and `set_message_fields` of `rosidl_runtime_py`"
+_NUMPY = "use `cv_bridge` for images, and `sensor_msgs_py.point_cloud2` for points"
 
 _PYTHON = {
     **dict.fromkeys("launch_testing launch_testing_ros launch_pytest".split(), _TESTS),
     "image_geometry": _CAMERAS,
-    **dict.fromkeys("nav2_simple_commander turtlebot4_navigation".split(), _NAV2),
+    **dict.fromkeys("nav2_common nav2_simple_commander turtlebot4_navigation".split(), _NAV2),
     **dict.fromkeys(
         "launch_param_builder moveit moveit_commander moveit_configs_utils".split(), _MOVEIT
     ),
     **dict.fromkeys("gazebo_ros ros_gz_bridge ros_gz_sim".split(), _GAZEBO),
     "webots_ros2_driver": _WEBOTS,
+    "interactive_markers": _MARKERS,
+    "rclpy_message_converter": _CONVERTER,
+    "ros2_numpy": _NUMPY,
     "xacro": _XACRO,
     **dict.fromkeys("ros2cli ros2node ros2param ros2pkg ros2service ros2topic".split(), _COMMANDS),
     **dict.fromkeys(

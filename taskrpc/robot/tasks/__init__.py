@@ -13,18 +13,11 @@ from taskrpc.robot.tasks.records.store import MemoryStore, Stored, TaskStore
 from taskrpc.robot.tasks.responses import Resumed, TaskResponse
 from taskrpc.robot.tasks.server import TaskServer
 
-Answer = TaskResponse
-"""The earlier name of `TaskResponse`."""
-State = TaskState
-"""The earlier name of `TaskState`."""
-
 __all__ = [
-    "Answer",
     "EstimateChange",
     "MemoryStore",
     "Resumed",
     "SqliteStore",
-    "State",
     "Stored",
     "Task",
     "TaskManager",

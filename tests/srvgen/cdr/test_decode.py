@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.fuzz.fuzz_cdr import classes, decode_or_refuse
 
 import srvgen
 from srvgen import CdrError, FieldError, from_cdr, load, to_cdr
-from tests.fuzz.fuzz_cdr import classes, decode_or_refuse
 from tests.properties import examples
 from tests.srvgen.cdr.reference import random_message
 

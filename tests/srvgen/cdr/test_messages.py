@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.fuzz.fuzz_cdr import classes
 
 import srvgen
 from srvgen import CdrError, from_cdr, load, to_cdr
@@ -21,7 +22,6 @@ from srvgen.cdr.plan import KEPT_CLASSES, plan_of
 from srvgen.classes.generate import generate
 from srvgen.files.reading import read_definition
 from srvgen.files.search import BUNDLED, Search
-from tests.fuzz.fuzz_cdr import classes
 from tests.properties import examples
 from tests.srvgen.cdr.reference import bundled_classes, random_message, reference_cdr
 from tests.srvgen.sample_definitions import put_all

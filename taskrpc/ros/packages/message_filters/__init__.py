@@ -1,8 +1,8 @@
 """Filters between subscriptions and callbacks, with the classes of ROS's `message_filters`.
 
 A filter passes messages to the callbacks that `registerCallback` adds. `matching` decides which
-messages belong together; `filters` has the classes. `input_aligner` and `delta_filter` are as in
-ROS 2 Rolling. Only programs import this package.
+messages belong together; `filters` has the classes. Only programs
+import this package.
 """
 
 from .filters import (

@@ -9,12 +9,6 @@ from taskrpc.ros.optional import needed
 needed("transforms3d", "tf_transformations")  # explains in one line that it is not installed
 
 # ruff: noqa: E402 - the other modules import transforms3d
-from .arcball import (
-    Arcball,
-    arcball_constrain_to_axis,
-    arcball_map_to_sphere,
-    arcball_nearest_axis,
-)
 from .matrices import (
     clip_matrix,
     compose_matrix,
@@ -60,10 +54,6 @@ from .vectors import (
 )
 
 __all__ = [
-    "Arcball",
-    "arcball_constrain_to_axis",
-    "arcball_map_to_sphere",
-    "arcball_nearest_axis",
     "clip_matrix",
     "compose_matrix",
     "concatenate_matrices",
