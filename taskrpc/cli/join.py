@@ -36,11 +36,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run)
 
 
-def configure_leave(parser: argparse.ArgumentParser) -> None:
-    """Configure `leave`, the old name of `join --leave`; it has no arguments."""
-    parser.set_defaults(run=lambda options: _leave())
-
-
 def _run(options: argparse.Namespace) -> Exit:
     if [options.status, options.leave, bool(options.join_string)].count(True) != 1:
         raise UsageError("taskrpc join: error: expected a join string, --status or --leave")

@@ -77,9 +77,6 @@ _GROUPS = {
 COMMANDS = {name: purpose for group in _GROUPS.values() for name, purpose in group.items()}
 """The commands of `taskrpc --help` and their purposes."""
 
-_OLD_NAMES = {"alias": ("shell", "configure_alias"), "leave": ("join", "configure_leave")}
-"""Old names of commands: they still work, and no help page shows them."""
-
 _ELSEWHERE = {
     "component": "start each node with its own taskrpc run",
     "control": "there is no controller manager",
@@ -132,7 +129,7 @@ def parser_of(command: str) -> Parser:
 
     parser = Parser(prog="taskrpc", description="ROS 2 services without ROS")
     parser.formatter_class = RawDescriptionHelpFormatter
-    added = {} if command in COMMANDS or command in _OLD_NAMES else _added_commands(command)
+    added = {} if command in COMMANDS else _added_commands(command)
     parser.epilog = _overview(added)
     parser.add_argument("--version", action="store_true", help="Print the version and exit")
     commands = add_group(parser)
@@ -146,9 +143,6 @@ def parser_of(command: str) -> Parser:
         own = add_command(commands, name, _purpose(module))
         if name == command:
             module.configure(own)
-    if command in _OLD_NAMES:
-        name, configure = _OLD_NAMES[command]
-        getattr(_module(name), configure)(add_command(commands, command, COMMANDS[name]))
     return parser
 
 
@@ -168,7 +162,7 @@ def _added_commands(command: str) -> dict[str, ModuleType]:
     found: dict[str, ModuleType] = {}
     points = entry_points(group=ENTRY_POINTS)
     for each in sorted(points.select(name=command) or points):
-        if each.name in COMMANDS or each.name in _OLD_NAMES:
+        if each.name in COMMANDS:
             continue
         try:
             module = import_module(each.value)

@@ -51,17 +51,6 @@ _WITHOUT_COMPLETION = "# completion with TAB needs argcomplete: pip install argc
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give the parser of `taskrpc shell` its arguments."""
     parser.add_argument("shell", choices=sorted(_DEFINITIONS), help="The shell that you use")
-    _finish(parser)
-
-
-def configure_alias(parser: argparse.ArgumentParser) -> None:
-    """Configure `alias --shell NAME`, the old spelling of `shell NAME`."""
-    what = "The shell that you use"
-    parser.add_argument("--shell", choices=sorted(_DEFINITIONS), required=True, help=what)
-    _finish(parser)
-
-
-def _finish(parser: argparse.ArgumentParser) -> None:
     parser.description = _DESCRIPTION
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     lines = "\n".join(f"  {shell + ':':<12}{use}" for shell, use in _USES.items())

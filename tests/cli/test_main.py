@@ -137,18 +137,6 @@ def test_help_lists_the_commands_under_headings(capsys):
         assert re.search(rf"^  {name} +{re.escape(purpose)}$", shown, re.M)
 
 
-@pytest.mark.parametrize("name", ["alias", "leave"])
-def test_an_old_name_of_a_command_works_and_is_not_shown(name, capsys):
-    main.main(["nope"])
-    main.main([])
-    out, err = capsys.readouterr()
-    assert name not in out
-    assert f"'{name}'" not in err
-    with pytest.raises(SystemExit):
-        main.main([name, "-h"])
-    assert capsys.readouterr().out.startswith(f"usage: taskrpc {name} ")
-
-
 def test_the_help_of_run_names_ros_enable():
     assert "taskrpc ros enable" in next(
         parser.format_help() for page, parser in _pages() if page == "taskrpc run"

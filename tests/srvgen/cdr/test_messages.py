@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.fuzz.fuzz_cdr import classes
 
 import srvgen
 from srvgen import CdrError, from_cdr, load, to_cdr
@@ -24,6 +23,7 @@ from srvgen.files.reading import read_definition
 from srvgen.files.search import BUNDLED, Search
 from tests.properties import examples
 from tests.srvgen.cdr.reference import bundled_classes, random_message, reference_cdr
+from tests.srvgen.cdr.tampered import tampered_classes
 from tests.srvgen.sample_definitions import put_all
 
 AddTwoInts = load("example_interfaces/srv/AddTwoInts")
@@ -129,7 +129,7 @@ def test_codecs_keep_a_limited_number_of_classes(monkeypatch):
         coders.clear()
 
 
-Everything = classes()[0]
+Everything = tampered_classes()[0]
 
 
 @pytest.mark.parametrize("package", sorted({cls._TYPE.split("/")[0] for cls in bundled_classes()}))

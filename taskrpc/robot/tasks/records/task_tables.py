@@ -1,4 +1,4 @@
-"""The tables of the task server's SQLite file: create, upgrade, read and write them."""
+"""The tables of the task server's SQLite file: create, read and write them."""
 
 from __future__ import annotations
 
@@ -75,10 +75,10 @@ Row: TypeAlias = tuple[int, int, str]
 
 
 def prepare(connection: sqlite3.Connection) -> None:
-    """Create the tables of a new file or upgrade an older file; refuse any other file.
+    """Create the tables of a new file; refuse a file that is not of this format.
 
     Raises:
-        StoreError: it is another program's database, or a newer taskrpc wrote it.
+        StoreError: it is another program's database, or another version of taskrpc wrote it.
     """
     is_new = connection.execute("SELECT 1 FROM sqlite_master").fetchone() is None
     if is_new and pragma(connection, "application_id") == 0:
@@ -86,9 +86,7 @@ def prepare(connection: sqlite3.Connection) -> None:
     if pragma(connection, "application_id") != _APPLICATION_ID:
         raise StoreError("expected a task database, found another program's database")
     version = pragma(connection, "user_version")
-    if version == 1:
-        _upgrade(connection)
-    elif version != FORMAT:
+    if version != FORMAT:
         raise StoreError(
             f"expected a task database of format {FORMAT}, found format {version}; "
             "use the taskrpc that wrote it, or another file"
@@ -172,21 +170,3 @@ def clear(connection: sqlite3.Connection) -> None:
     connection.execute("INSERT INTO server VALUES (1, 0)")
     delete_completions(connection)
     replace_store_id(connection)
-
-
-def _upgrade(connection: sqlite3.Connection) -> None:
-    """Upgrade from format 1, which had no checksums, no completions and no store id."""
-    tasks = {}
-    for number, record in connection.execute("SELECT task_id, record FROM task"):
-        try:
-            tasks[number] = msgspec.json.decode(record, type=Task)
-        except (msgspec.MsgspecError, UnicodeDecodeError, TypeError) as error:
-            raise Damaged("task", str(error), f"task_id = {number}") from None
-    connection.execute("DROP TABLE task")
-    connection.execute(_TABLES[0])
-    create_store(connection)
-    create_completion_table(connection)
-    equip(connection)
-    rows = {number: row_of(task) for number, task in tasks.items()}
-    connection.execute(_WRITE, (*_values(rows, CompletionBatch(), None), 0))
-    connection.execute(f"PRAGMA user_version = {FORMAT}")
