@@ -1,24 +1,10 @@
 """What the TAB key completes: verbs, options and the names that running programs have."""
 
-import functools
-import io
-
-import argcomplete
 import pytest
 
-from taskrpc.cli.main import main
+from tests.cli.completing import completed
 
 pytestmark = pytest.mark.real_time
-
-
-@pytest.fixture
-def printed(monkeypatch):
-    """What argcomplete prints; it uses no file descriptors of its own, which pytest may use."""
-    stream = io.StringIO()
-    complete = functools.partial(argcomplete.autocomplete, output_stream=stream)
-    monkeypatch.setattr(argcomplete, "autocomplete", complete)
-    monkeypatch.setattr(argcomplete.CompletionFinder, "_init_debug_stream", lambda self: None)
-    return stream
 
 
 @pytest.mark.parametrize(
@@ -48,7 +34,7 @@ def printed(monkeypatch):
         ("topic echo --qos-depth 5 --csv /to", ["/told"]),
     ],
 )
-def test_tab_completes(server, printed, tmp_path, monkeypatch, line, expected):
+def test_tab_completes(server, tmp_path, monkeypatch, line, expected):
     package = tmp_path / "src" / "lamp"
     package.mkdir(parents=True)
     (package / "package.xml").write_text("<package><name>lamp</name></package>")
@@ -58,15 +44,4 @@ def test_tab_completes(server, printed, tmp_path, monkeypatch, line, expected):
     (package / "shine.py").touch()
     (package / "CMakeLists.txt").write_text("install(PROGRAMS shine.py DESTINATION lib/lamp)")
     monkeypatch.chdir(tmp_path)
-    typed = f"taskrpc {line}"
-    for name, value in (
-        ("_ARGCOMPLETE", "1"),
-        ("_ARGCOMPLETE_IFS", "|"),
-        ("_ARGCOMPLETE_SUPPRESS_SPACE", "1"),
-        ("COMP_LINE", typed),
-        ("COMP_POINT", str(len(typed))),
-    ):
-        monkeypatch.setenv(name, value)
-    with pytest.raises(SystemExit):
-        main([])
-    assert sorted(filter(None, printed.getvalue().split("|"))) == expected
+    assert completed(line, monkeypatch) == expected

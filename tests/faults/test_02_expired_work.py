@@ -1,7 +1,6 @@
 """Promise 2: the deadline is sent as the time left, and expired calls are not executed."""
 
 import asyncio
-import contextlib
 import random
 
 import pytest
@@ -10,7 +9,8 @@ import taskrpc
 from taskrpc import service
 from taskrpc.core.transport.connection import incoming_call, server_side
 from taskrpc.core.wire.events import RequestReceived
-from tests.core.transport.helpers import Add, ask, outcome
+from tests.core.transport.helpers import ask, outcome
+from tests.faults.clients import clients_of
 from tests.faults.harness import Bug
 
 pytestmark = pytest.mark.faults
@@ -88,21 +88,6 @@ class Clock:
             self.counts["refused for load"] += 1
         else:
             self.counts["answered"] += 1
-
-
-@contextlib.asynccontextmanager
-async def clients_of(callback, count):
-    async with contextlib.AsyncExitStack() as stack:
-        server = taskrpc.Node("server", transport="memory", token="s")
-        await stack.enter_async_context(server)
-        server.create_service(Add, "add", callback)
-        clients = []
-        for number in range(count):
-            node = taskrpc.Node("client", transport="memory", token=f"c{number}")
-            await stack.enter_async_context(node)
-            clients.append(node.create_client(Add, "add"))
-            assert await clients[-1].wait_for_service(5)
-        yield clients
 
 
 @pytest.mark.planted(

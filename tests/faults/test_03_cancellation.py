@@ -7,13 +7,13 @@ import random
 
 import pytest
 
-import taskrpc
 from taskrpc.core.transport.connection.client_side import CallingConnection
 from taskrpc.core.transport.connection.server_side import ServingConnection
 from taskrpc.core.wire.events import CancelReceived
 from taskrpc.core.wire.session import Session
 from taskrpc.service import Service
-from tests.core.transport.helpers import Add, Gate, ask
+from tests.core.transport.helpers import Gate, ask
+from tests.faults.clients import clients_of
 from tests.faults.harness import Bug
 
 pytestmark = pytest.mark.faults
@@ -71,22 +71,6 @@ def timers():
     """The scheduled timers, without those of the connections themselves."""
     loop = asyncio.get_running_loop()
     return sum(not handle.cancelled() for handle in loop._scheduled)
-
-
-@contextlib.asynccontextmanager
-async def clients_of(callback, count, **options):
-    """Clients of one service, each with its own connection."""
-    async with contextlib.AsyncExitStack() as stack:
-        server = taskrpc.Node("server", transport="memory", token="s")
-        await stack.enter_async_context(server)
-        server.create_service(Add, "add", callback, **options)
-        clients = []
-        for number in range(count):
-            node = taskrpc.Node("client", transport="memory", token=f"c{number}")
-            await stack.enter_async_context(node)
-            clients.append(node.create_client(Add, "add"))
-            assert await clients[-1].wait_for_service(5)
-        yield clients
 
 
 @pytest.mark.planted(

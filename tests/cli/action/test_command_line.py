@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import functools
-import io
 import json
 
-import argcomplete
 import pytest
 
-from taskrpc.cli.main import main
+from tests.cli.completing import completed
 
 pytestmark = pytest.mark.real_time
 
@@ -92,19 +89,4 @@ def test_parts_of_actions_are_hidden_topics_and_services(action, run):
     ],
 )
 def test_tab_completes(action, monkeypatch, line, expected):
-    printed = io.StringIO()
-    complete = functools.partial(argcomplete.autocomplete, output_stream=printed)
-    monkeypatch.setattr(argcomplete, "autocomplete", complete)
-    monkeypatch.setattr(argcomplete.CompletionFinder, "_init_debug_stream", lambda self: None)
-    typed = f"taskrpc {line}"
-    for name, value in (
-        ("_ARGCOMPLETE", "1"),
-        ("_ARGCOMPLETE_IFS", "|"),
-        ("_ARGCOMPLETE_SUPPRESS_SPACE", "1"),
-        ("COMP_LINE", typed),
-        ("COMP_POINT", str(len(typed))),
-    ):
-        monkeypatch.setenv(name, value)
-    with pytest.raises(SystemExit):
-        main([])
-    assert sorted(filter(None, printed.getvalue().split("|"))) == expected
+    assert completed(line, monkeypatch) == expected

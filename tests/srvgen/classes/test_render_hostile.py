@@ -11,29 +11,11 @@ from hypothesis import strategies as st
 import srvgen
 from srvgen.classes.generate import generate
 from srvgen.classes.render import render, render_stub
-from srvgen.definitions.lines import join_full_text
 from srvgen.errors import DefinitionError
-from srvgen.files.search import BUNDLED, Search
+from srvgen.files.search import BUNDLED
 from srvgen.parser import parse_msg, parse_srv
 from srvgen.typehash import Hasher
-
-bundled = Search([BUNDLED])
-
-
-EVENT = ("service_msgs/msg/ServiceEventInfo", "builtin_interfaces/msg/Time")
-
-
-def define(own: str, name: str = "far_msgs/srv/Ask", **needed: str):
-    texts = {one: bundled.text(one) for one in EVENT}
-    texts |= {f"far_msgs/msg/{one}": text for one, text in needed.items()}
-    return srvgen.define(name, join_full_text(own, texts))
-
-
-def refused(text: str, **needed: str) -> str:
-    with pytest.raises(DefinitionError) as caught:
-        define(text, **needed)
-    return caught.value.message
-
+from tests.srvgen.hostile import bundled, define, refused
 
 NASTY = st.text(st.sampled_from("\"'\\{}()[]=;,:%abz_ \0\x1b\u202e\ud800é"), max_size=25)
 

@@ -17,32 +17,7 @@ import pytest
 import srvgen
 from srvgen import from_cdr, to_cdr
 from srvgen.classes import loader, rosidl_classes
-
-INNER = f"\n{'=' * 80}\nMSG: rosidl_msgs/msg/Inner\nfloat64 x\nfloat64 y 1.0\n"
-FIELDS = """
-bool flag
-byte raw
-int8 small
-uint16 count
-float32 single
-float64 double
-string text
-string<=5 short
-Inner inner
-float32[3] singles
-uint8[2] bytes
-bool[2] flags
-int64[<=3] longs
-float32[] ranges
-string[] names
-Inner[] inners
-int32 THREE=3
-"""
-
-
-def define(fields: str = FIELDS, name: str = "rosidl_msgs/msg/Everything"):
-    return srvgen.define(name, fields + INNER)
-
+from tests.srvgen.classes.rosidl_definition import define
 
 pytestmark = pytest.mark.usefixtures("ros_classes")
 

@@ -9,7 +9,8 @@ import srvgen
 from srvgen.definitions import limits
 from srvgen.definitions.lines import join_full_text
 from srvgen.errors import DefinitionError, DefinitionErrors
-from srvgen.files.search import BUNDLED, Search
+from srvgen.files.search import Search
+from tests.srvgen.hostile import EVENT, bundled, define, refused
 from tests.srvgen.sample_definitions import put
 
 pytestmark = pytest.mark.usefixtures("workspace")
@@ -80,24 +81,6 @@ def test_a_broken_dependency_is_reported_once_in_its_own_file(workspace):
         Search().with_dependencies("my_msgs/msg/Good")
     assert not isinstance(caught.value, DefinitionErrors)
     assert caught.value.path == str(bad)
-
-
-bundled = Search([BUNDLED])
-
-
-EVENT = ("service_msgs/msg/ServiceEventInfo", "builtin_interfaces/msg/Time")
-
-
-def define(own: str, name: str = "far_msgs/srv/Ask", **needed: str):
-    texts = {one: bundled.text(one) for one in EVENT}
-    texts |= {f"far_msgs/msg/{one}": text for one, text in needed.items()}
-    return srvgen.define(name, join_full_text(own, texts))
-
-
-def refused(text: str, **needed: str) -> str:
-    with pytest.raises(DefinitionError) as caught:
-        define(text, **needed)
-    return caught.value.message
 
 
 @pytest.mark.parametrize(

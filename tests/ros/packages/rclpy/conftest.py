@@ -14,7 +14,7 @@ from taskrpc.ros.packages.rclpy.node import Node
 from taskrpc.ros.packages.rclpy.parameter import Parameter
 from taskrpc.ros.packages.rclpy.parameter_client import AsyncParameterClient
 from tests.ros.packages.rclpy.fakes import FakeNode
-from tests.ros.packages.rclpy.living import living
+from tests.ros.packages.rclpy.living import PATIENCE, AddTwoInts, add, living
 from tests.ros.packages.rclpy.programs.running import domain_in, programs_in
 
 
@@ -44,6 +44,15 @@ def world():
     """Nodes that live on the network."""
     with living() as world:
         yield world
+
+
+@pytest.fixture
+def client(world):
+    """A client of a service that adds."""
+    world.node("server").create_service(AddTwoInts, "add", add)
+    client = world.node("caller").create_client(AddTwoInts, "add")
+    assert client.wait_for_service(PATIENCE)
+    return client
 
 
 class Pair:

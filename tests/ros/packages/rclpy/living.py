@@ -5,11 +5,18 @@ from __future__ import annotations
 import contextlib
 import time
 
+import srvgen
 from taskrpc.ros.packages.rclpy.context import Context
 from taskrpc.ros.packages.rclpy.executors import SingleThreadedExecutor
 from taskrpc.ros.packages.rclpy.node import Node
 
 PATIENCE = 60
+AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+
+def add(request, response):
+    response.sum = request.a + request.b
+    return response
 
 
 @contextlib.contextmanager

@@ -8,32 +8,17 @@ import threading
 
 import pytest
 
-import srvgen
 from taskrpc.errors import HandlerFailed, InvalidRequest, OutcomeUnknown
 from taskrpc.ros.packages.rclpy.exceptions import (
     InvalidHandle,
     InvalidServiceNameException,
     RCLError,
 )
-from tests.ros.packages.rclpy.living import PATIENCE, service_of, until
+from tests.ros.packages.rclpy.living import PATIENCE, AddTwoInts, add, service_of, until
 
 pytestmark = pytest.mark.real_time
 
-AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
 Request = AddTwoInts.Request
-
-
-def add(request, response):
-    response.sum = request.a + request.b
-    return response
-
-
-@pytest.fixture
-def client(world):
-    world.node("server").create_service(AddTwoInts, "add", add)
-    client = world.node("caller").create_client(AddTwoInts, "add")
-    assert client.wait_for_service(PATIENCE)
-    return client
 
 
 def test_a_response_arrives_while_a_thread_spins(world, client):

@@ -6,15 +6,13 @@ from pathlib import Path
 
 import pytest
 
-import srvgen
 from taskrpc.ros.packages.rclpy.exceptions import InvalidHandle
 from taskrpc.ros.packages.rclpy.task import Future
-from tests.ros.packages.rclpy.living import living
+from tests.ros.packages.rclpy.living import AddTwoInts, add, living
 
 pytestmark = pytest.mark.real_time
 
 PROBES = Path(__file__).parents[4].parent / "shared" / "ros2" / "rclpy_probes.txt"
-AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
 Request = AddTwoInts.Request
 
 SAID = "ours says what went wrong and tells the caller, where ROS leaves it waiting"
@@ -191,11 +189,6 @@ def asked_of_a_server(world, client):
         "call_async after destroy": f"raises InvalidHandle({refused.value})",
         "public Service": public(service),
     }
-
-
-def add(request, response):
-    response.sum = request.a + request.b
-    return response
 
 
 def public(thing):

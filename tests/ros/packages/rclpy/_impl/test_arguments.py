@@ -18,7 +18,6 @@ from taskrpc.ros.packages.rclpy._impl.arguments import (
     overrides_of,
     parse,
 )
-from taskrpc.ros.packages.rclpy._impl.parameters.yaml_parameters import read_file
 from taskrpc.ros.packages.rclpy.exceptions import RCLInvalidROSArgsError, UnknownROSArgsError
 
 
@@ -129,20 +128,12 @@ def test_levels_and_switches():
     )
 
 
-FILE = """\
-/**:
-  ros__parameters: {a: all, b: all}
-/ns:
-  robot:
-    ros__parameters:
-      a: mine
-      group: {x: 1, deep: {y: [1.5]}}
-/*/robot:
-  ros__parameters:
-    c: one
-other:
-  ros__parameters: {a: other}
-"""
+NODES = {
+    "/**": {"a": "all", "b": "all"},
+    "/ns/robot": {"a": "mine", "group.x": 1, "group.deep.y": [1.5]},
+    "/*/robot": {"c": "one"},
+    "other": {"a": "other"},
+}
 
 
 @pytest.mark.parametrize(
@@ -155,7 +146,7 @@ other:
     ],
 )
 def test_a_node_gets_what_fits_its_name_and_the_later_wins(name, expected):
-    assert overrides_of([read_file(FILE)], name) == expected
+    assert overrides_of([NODES], name) == expected
 
 
 def test_stars_stand_for_one_part_or_any_number():

@@ -4,19 +4,12 @@ import asyncio
 
 import pytest
 
-import srvgen
 from taskrpc.errors import HandlerFailed
-from tests.ros.packages.rclpy.living import PATIENCE
+from tests.ros.packages.rclpy.living import PATIENCE, AddTwoInts, add
 
 pytestmark = pytest.mark.real_time
 
-AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
 Request = AddTwoInts.Request
-
-
-def add(request, response):
-    response.sum = request.a + request.b
-    return response
 
 
 async def test_a_call_returns_the_response(create):

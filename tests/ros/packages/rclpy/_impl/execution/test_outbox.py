@@ -9,28 +9,13 @@ import time
 
 import pytest
 
-import srvgen
 from taskrpc.ros.packages.rclpy._impl.bridge import NativeClient
-from tests.ros.packages.rclpy.living import PATIENCE, living, service_of, until
+from tests.ros.packages.rclpy.living import AddTwoInts, add, living, service_of, until
 
 pytestmark = pytest.mark.real_time
 
 
-AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
 Request = AddTwoInts.Request
-
-
-def add(request, response):
-    response.sum = request.a + request.b
-    return response
-
-
-@pytest.fixture
-def client(world):
-    world.node("server").create_service(AddTwoInts, "add", add)
-    client = world.node("caller").create_client(AddTwoInts, "add")
-    assert client.wait_for_service(PATIENCE)
-    return client
 
 
 def test_a_request_waits_for_a_server_that_comes_later(world):

@@ -16,6 +16,7 @@ from taskrpc.ros.packages.rclpy.qos import (
     qos_profile_sensor_data,
     qos_profile_services_default,
 )
+from tests.ros.packages.rclpy.living import AddTwoInts, add
 
 pytestmark = pytest.mark.real_time
 
@@ -75,7 +76,6 @@ def test_the_log_is_published_with_the_profile_that_the_program_gives(world):
     assert (info.node_name, info.qos_profile) == ("loud", best_effort)
 
 
-AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 BEST_EFFORT = qos_profile_sensor_data
 
@@ -125,8 +125,3 @@ def test_service_and_client_with_equal_qos_are_not_reported(capfd, monkeypatch, 
         node.destroy_service(server)
         node.create_client(AddTwoInts, "add", qos_profile=BEST_EFFORT)  # its server is gone
     assert "would never connect" not in capfd.readouterr().err
-
-
-def add(request, response):
-    response.sum = request.a + request.b
-    return response

@@ -1,10 +1,5 @@
-"""Prints what the small parts of rclpy do: names, futures, parameters, timers, filters and more.
+"""The small parts of rclpy: names, futures, parameters, timers, filters and more."""
 
-The output must be the same on the real rclpy and here. A text after " at /" is a place in the C
-code of ROS, and is left out.
-"""
-
-import sys
 import time
 
 import rclpy
@@ -27,6 +22,7 @@ from rclpy.validate_namespace import validate_namespace
 from rclpy.validate_node_name import validate_node_name
 from rclpy.validate_topic_name import validate_topic_name
 from rosgraph_msgs.msg import Clock as ClockMessage
+from shared import attempt, end, fails
 from std_msgs.msg import (
     Float32MultiArray,
     Float64MultiArray,
@@ -37,23 +33,6 @@ from std_msgs.msg import (
 from test_msgs.msg import BasicTypes
 
 PATIENCE = 10.0
-
-
-def attempt(what, action):
-    """Print the result of an action, or the class and the text of its exception."""
-    try:
-        result = repr(action())
-    except Exception as error:
-        result = f"{type(error).__name__}: {str(error).partition(', at /')[0]}"
-    print(what, result.replace("\n", "|"))
-
-
-def fails(what, action):
-    """Print the class of the exception only: its text differs on purpose."""
-    try:
-        print(what, repr(action()))
-    except Exception as error:
-        print(what, type(error).__name__)
 
 
 def names():
@@ -299,7 +278,7 @@ def main():
     simulated_time()
     ends(node)
     rclpy.shutdown()
-    sys.stdout.flush()
+    end()
 
 
 main()
