@@ -10,20 +10,9 @@ needed("transforms3d", "tf_transformations")  # explains in one line that it is 
 
 # ruff: noqa: E402 - the other modules import transforms3d
 from .matrices import (
-    clip_matrix,
     compose_matrix,
     decompose_matrix,
     identity_matrix,
-    orthogonalization_matrix,
-    projection_from_matrix,
-    projection_matrix,
-    reflection_from_matrix,
-    reflection_matrix,
-    scale_from_matrix,
-    scale_matrix,
-    shear_from_matrix,
-    shear_matrix,
-    superimposition_matrix,
     translation_from_matrix,
     translation_matrix,
 )
@@ -54,7 +43,6 @@ from .vectors import (
 )
 
 __all__ = [
-    "clip_matrix",
     "compose_matrix",
     "concatenate_matrices",
     "decompose_matrix",
@@ -64,9 +52,6 @@ __all__ = [
     "identity_matrix",
     "inverse_matrix",
     "is_same_transform",
-    "orthogonalization_matrix",
-    "projection_from_matrix",
-    "projection_matrix",
     "quaternion_about_axis",
     "quaternion_conjugate",
     "quaternion_from_euler",
@@ -78,15 +63,8 @@ __all__ = [
     "random_quaternion",
     "random_rotation_matrix",
     "random_vector",
-    "reflection_from_matrix",
-    "reflection_matrix",
     "rotation_from_matrix",
     "rotation_matrix",
-    "scale_from_matrix",
-    "scale_matrix",
-    "shear_from_matrix",
-    "shear_matrix",
-    "superimposition_matrix",
     "translation_from_matrix",
     "translation_matrix",
     "unit_vector",

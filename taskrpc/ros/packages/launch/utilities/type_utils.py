@@ -68,17 +68,3 @@ def _has_substitutions(value: Any) -> bool:
     return isinstance(value, Iterable) and all(
         isinstance(each, (str, Substitution)) for each in value
     )
-
-
-def get_typed_value(value: Any, data_type: Any = None, can_be_str: bool = False) -> Any:
-    """Turn a text into a value of this type; a value that has the type already is returned."""
-    if isinstance(value, str):
-        return coerce_to_type(value, data_type, can_be_str)
-    return value
-
-
-def normalize_typed_substitution(value: Any, data_type: Any = None) -> Any:
-    """Turn a text or substitutions into a list of substitutions; other values stay as they are."""
-    if isinstance(value, (str, Substitution)) or _has_substitutions(value):
-        return normalize_to_list_of_substitutions(value)
-    return value
