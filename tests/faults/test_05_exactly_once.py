@@ -12,9 +12,9 @@ import srvgen
 import taskrpc
 from taskrpc.core.attempts import Attempts
 from taskrpc.core.request_ids.ids import StoredCompletions
-from taskrpc.core.request_ids.ledger import Ledger, Verdict
 from taskrpc.robot.tasks.records.repository import TaskCompletions, TaskRepository
 from tests.faults.harness import Bug
+from tests.faults.planted import forget_what_was_done
 from tests.faults.programs import TASK_SERVER, kill
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
@@ -22,16 +22,6 @@ pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
 CLIENTS = 8
 BROKEN = ("lost", "doubled", "one number for two", "unknown task", "unknown")
-
-
-def forget_what_was_done(patch):
-    decide = Ledger.decide
-
-    def forgetful(*arguments):
-        verdict = decide(*arguments)
-        return Verdict.NEW if verdict in (Verdict.DONE, Verdict.ATTACH) else verdict
-
-    patch(Ledger, "decide", forgetful)
 
 
 def acknowledge_before_it_is_stored(patch):

@@ -18,8 +18,8 @@ import pytest
 from taskrpc.robot.tasks.manager import TaskManager, TaskSettings
 from taskrpc.robot.tasks.model import Task
 from taskrpc.robot.tasks.queue.task_queue import TaskQueue
-from taskrpc.robot.tasks.worker import Worker
 from tests.faults.harness import Bug
+from tests.faults.planted import begin_while_paused
 from tests.robot.tasks.fakes import FullStore, LineRobot
 
 pytestmark = pytest.mark.faults
@@ -37,13 +37,6 @@ def moves_only_in_the_list(patch):
         return []
 
     patch(TaskQueue, "reprioritise", moved)
-
-
-def begins_while_paused(patch):
-    async def pause(worker):
-        return ""
-
-    patch(Worker, "pause", pause)
 
 
 @dataclass
@@ -197,7 +190,7 @@ async def one_history(chance, counts):
 @pytest.mark.planted(
     Bug(last_come_first_served, "not linearizable"),
     Bug(moves_only_in_the_list, "not linearizable"),
-    Bug(begins_while_paused, "not linearizable"),
+    Bug(begin_while_paused, "not linearizable"),
 )
 async def test_queue_histories_are_linearizable(counts, seed, large, caplog):
     caplog.set_level(logging.CRITICAL)

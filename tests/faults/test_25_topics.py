@@ -16,6 +16,7 @@ from taskrpc import QoS
 from taskrpc.core.transport.pubsub import publishing, subscribing
 from taskrpc.testing import FaultyNetwork
 from tests.faults.harness import Bug, read_nothing
+from tests.faults.planted import let_a_lost_subscription_go
 
 pytestmark = pytest.mark.faults
 
@@ -53,16 +54,6 @@ def overtakes_what_waits(patch):
         return self.connection.writing_paused and not len(self.feeds_behind) % 2
 
     patch(publishing.RemoteSubscriber, "is_behind", property(behind))
-
-
-def never_comes_back(patch):
-    use = subscribing.SubscriptionLink._use
-
-    async def once(self, connection):
-        await use(self, connection)
-        await asyncio.Event().wait()
-
-    patch(subscribing.SubscriptionLink, "_use", once)
 
 
 def gives_kept_messages_twice(patch):
@@ -177,7 +168,7 @@ async def until(condition, seconds):
     Bug(keeps_whatever_comes, "owed too much"),
     Bug(drops_the_newest, "without the newest"),
     Bug(overtakes_what_waits, "owed too much"),
-    Bug(never_comes_back, "without the newest"),
+    Bug(let_a_lost_subscription_go, "without the newest"),
     Bug(gives_kept_messages_twice, "out of order"),
     Bug(forgets_nobody, "fed after death"),
 )

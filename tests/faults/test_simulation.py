@@ -15,7 +15,6 @@ from taskrpc.core import attempts
 from taskrpc.core.attempts import Attempts
 from taskrpc.core.exactly_once import Deduplicator, Execution
 from taskrpc.core.exactly_once.store_state import LeaseClock, StoreState
-from taskrpc.core.request_ids.ledger import Ledger, Verdict
 from taskrpc.core.transport.base import IncomingCall
 from taskrpc.core.transport.connection.client_side import CallingConnection, OpenCall
 from taskrpc.core.transport.connection.server_side import ServingConnection
@@ -27,8 +26,12 @@ from taskrpc.robot.tasks.model import LEVELS, Task, TaskState
 from taskrpc.robot.tasks.records.repository import TaskRepository
 from taskrpc.robot.tasks.responses import TaskResponse
 from taskrpc.robot.tasks.server import TaskServer
-from taskrpc.robot.tasks.worker import Worker
 from tests.faults.harness import Bug, Counts
+from tests.faults.planted import (
+    begin_while_paused,
+    forget_what_was_done,
+    let_a_lost_subscription_go,
+)
 from tests.simulation.ledger import PROMISES
 from tests.simulation.processes import PROCESS
 from tests.simulation.world import simulate
@@ -74,16 +77,6 @@ FAULTS = (
 )
 STRIDE = 20
 """Simulations between two checks of the counts."""
-
-
-def forget_what_was_done(patch):
-    decide = Ledger.decide
-
-    def forgetful(*arguments):
-        verdict = decide(*arguments)
-        return Verdict.NEW if verdict in (Verdict.DONE, Verdict.ATTACH) else verdict
-
-    patch(Ledger, "decide", forgetful)
 
 
 def accept_tasks_before_the_commit(patch):
@@ -230,13 +223,6 @@ def forget_a_pause_at_the_restart(patch):
     patch(TaskRepository, "remember_pause", remember)
 
 
-def begin_while_paused(patch):
-    async def pause(worker):
-        return ""
-
-    patch(Worker, "pause", pause)
-
-
 def call_off_only_in_memory(patch):
     async def call_off(manager, ended):
         manager._estimated_queue.remove(ended.task_id, "was cancelled")
@@ -290,16 +276,6 @@ def tell_what_a_callback_raised(patch):
 
 def give_kept_messages_twice(patch):
     patch(subscribing, "_HALF", 2**33)
-
-
-def let_a_lost_subscription_go(patch):
-    use = subscribing.SubscriptionLink._use
-
-    async def once(self, connection):
-        await use(self, connection)
-        await asyncio.Event().wait()
-
-    patch(subscribing.SubscriptionLink, "_use", once)
 
 
 def count_no_lost_message(patch):

@@ -10,6 +10,7 @@ import srvgen
 import taskrpc
 from taskrpc import SqliteCompletions
 from taskrpc.robot.tasks import SqliteStore, TaskServer
+from tests.core.transport.helpers import outcome
 from tests.robot.tasks.fakes import LineRobot
 from tests.robot.tasks.test_server import Client
 
@@ -26,13 +27,6 @@ def path(tmp_path):
 
 def respond(request, response):
     return response
-
-
-async def outcome(awaitable):
-    try:
-        return await awaitable
-    except taskrpc.TaskRpcError as error:
-        return error
 
 
 def said(answer):
