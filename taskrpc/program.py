@@ -10,7 +10,7 @@ from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any, TypeVar, cast
 
 from taskrpc import errors
-from taskrpc.core import platform
+from taskrpc.core.system import signals
 from taskrpc.errors import ServiceUnavailable, TaskRpcError, WouldDeadlock
 
 _Result = TypeVar("_Result")
@@ -31,7 +31,7 @@ async def stop_requested() -> AsyncIterator[asyncio.Future[int]]:
             os._exit(128 + number)
         stopped.set_result(number)
 
-    with platform.stop_signals(lambda number: loop.call_soon_threadsafe(stop, number)):
+    with signals.stop_signals(lambda number: loop.call_soon_threadsafe(stop, number)):
         yield stopped
 
 

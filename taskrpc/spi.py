@@ -22,8 +22,9 @@ if TYPE_CHECKING:
     )
     from taskrpc.actions.names import action_of_feedback, names_of
     from taskrpc.actions.states import GoalEvent, InvalidTransition
-    from taskrpc.core import names, platform, yaml_text
+    from taskrpc.core import names, yaml_text
     from taskrpc.core.callinfo import Denied, answering
+    from taskrpc.core.current_program import current_program
     from taskrpc.core.exactly_once.completions import (
         CompletionBatch,
         CompletionIndex,
@@ -60,6 +61,16 @@ if TYPE_CHECKING:
     from taskrpc.core.storage.records import Damaged, read_records, with_checksum
     from taskrpc.core.storage.table_checks import refuse_other_tables
     from taskrpc.core.storage.writer import Writer
+    from taskrpc.core.system import (
+        file_locks,
+        folders,
+        os_errors,
+        private_files,
+        process_state,
+        signals,
+        terminal,
+    )
+    from taskrpc.core.text_file import read_text
     from taskrpc.core.transport import suggestions
     from taskrpc.core.transport.base import (
         Deliver,
@@ -110,8 +121,9 @@ _HOMES = {
     "actions.messages": "ActionMessages FEEDBACK_QOS STATUS_QOS bytes_of nanoseconds_of states_in",
     "actions.names": "action_of_feedback names_of",
     "actions.states": "GoalEvent InvalidTransition",
-    "core": "names platform yaml_text",
+    "core": "names yaml_text",
     "core.callinfo": "Denied answering",
+    "core.current_program": "current_program",
     "core.exactly_once.completions": (
         "CompletionBatch CompletionIndex create_completion_table"
         " delete_completions read_completions"
@@ -133,6 +145,8 @@ _HOMES = {
     "core.storage.records": "Damaged read_records with_checksum",
     "core.storage.table_checks": "refuse_other_tables",
     "core.storage.writer": "Writer",
+    "core.system": "file_locks folders os_errors private_files process_state signals terminal",
+    "core.text_file": "read_text",
     "core.transport": "suggestions",
     "core.transport.base": (
         "Deliver OnDone OnMismatch ProgramStatistics TopicPublisher TopicSubscription"
@@ -240,10 +254,13 @@ __all__ = [
     "checked_unix",
     "codec_of",
     "create_completion_table",
+    "current_program",
     "delete_completions",
     "domain_id",
     "environment_peers",
+    "file_locks",
     "first_certificate",
+    "folders",
     "forget_lab",
     "gid_of",
     "goals_to_cancel",
@@ -255,23 +272,28 @@ __all__ = [
     "names",
     "names_of",
     "nanoseconds_of",
+    "os_errors",
     "path_of",
     "pinned_context",
     "place_here",
-    "platform",
     "present_chance",
+    "private_files",
+    "process_state",
     "qos_mismatch_text",
     "read_completions",
     "read_records",
+    "read_text",
     "refuse_other_tables",
     "registered",
     "remember_lab",
     "remembered_lab",
     "robot_namespace",
     "service_event",
+    "signals",
     "split_place",
     "states_in",
     "suggestions",
+    "terminal",
     "time_of_day",
     "time_of_day_ns",
     "with_checksum",

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.processes import Process, clock_time, processes
 from taskrpc.cli.task.view import aligned
-from taskrpc.spi import platform
+from taskrpc.spi import process_state
 
 _HEADINGS = ("PID", "SINCE", "DOMAIN", "SCRIPT", "FOLDER", "SERVICES")
 
@@ -58,6 +58,6 @@ def _services(process: Process) -> str:
 
 
 def _state(process: Process) -> str:
-    if platform.is_stopped(process.pid):
+    if process_state.is_stopped(process.pid):
         return "stopped"
     return "ending" if process.is_ending else "running"

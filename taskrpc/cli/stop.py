@@ -17,7 +17,7 @@ from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.shared.processes import Process, listing, processes
 from taskrpc.node import Node
-from taskrpc.spi import STATUS_QOS, names_of, platform, states_in, suggestions
+from taskrpc.spi import STATUS_QOS, names_of, process_state, signals, states_in, suggestions
 
 END_TIMEOUT = 5.0
 """Seconds that a process gets to end."""
@@ -60,7 +60,7 @@ def _signal(process: Process, *, at_once: bool) -> bool:
     if not suggestions.wrote_its_entries(process.pid):
         return False
     try:
-        platform.end_process(process.pid, at_once=at_once)
+        signals.end_process(process.pid, at_once=at_once)
     except ProcessLookupError:
         pass  # it has ended by itself since the look at the registry
     except PermissionError:  # it belongs to another user, so it wrote no entry of this user's
@@ -102,7 +102,7 @@ def _wait_for_end(chosen: Sequence[Process]) -> set[int]:
 def _running(pids: set[int]) -> set[int]:
     """Return those that still run; one may have left the registry, but not ended."""
     listed = {process.pid for process in processes()}
-    return {pid for pid in pids if pid in listed or not platform.has_ended(pid)}
+    return {pid for pid in pids if pid in listed or not process_state.has_ended(pid)}
 
 
 def _still_running(left: Sequence[Process]) -> NotFound:
@@ -145,7 +145,7 @@ def _why(before: Process) -> str:
             "has destroyed its nodes, but a thread that is no daemon, or other code, still runs;"
             " --force ends it at once"
         )
-    if platform.ignores_end(before.pid):
+    if process_state.ignores_end(before.pid):
         return "ignores the signal to end (SIGTERM); --force ends it at once"
     if held_by := asyncio.run(_actions_with_goals(now)):
         return f"waits for running goals of {', '.join(held_by)}; --force does not wait for them"

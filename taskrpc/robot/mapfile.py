@@ -10,7 +10,7 @@ from taskrpc.robot.document import Document, MapError, Node
 from taskrpc.robot.kinematics import Point
 from taskrpc.robot.obstacles import Box
 from taskrpc.robot.world import DOCK, World
-from taskrpc.spi import platform
+from taskrpc.spi import read_text
 
 _LARGEST = 1000.0  # metres, for the width and the height
 _ROBOT_RADIUS = 0.25  # metres, if the map has none
@@ -23,7 +23,7 @@ def read_map(path: str | Path) -> World:
         MapError: it cannot be read, is not YAML, or has a wrong value.
     """
     try:
-        text = platform.read_text(path, "utf-8-sig")
+        text = read_text(path, "utf-8-sig")
     except OSError as error:
         raise MapError(f"cannot read the map: {error.strerror or error}", str(path)) from None
     except UnicodeDecodeError:

@@ -20,9 +20,9 @@ from srvgen import excepthook
 from taskrpc import client as _client
 from taskrpc import node as _node
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
-from taskrpc.core import platform
 from taskrpc.core.request_ids.ids import CompletionStore
 from taskrpc.core.security.roles import Role
+from taskrpc.core.system import signals
 from taskrpc.core.transport.base import OnDone, OnMismatch, ProgramStatistics
 from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.deferred import DeferredService, Take
@@ -354,7 +354,7 @@ class Node:
                 os._exit(128 + number)
             is_stopped = True
 
-        with platform.stop_signals(stop):
+        with signals.stop_signals(stop):
             # Not an Event: a signal may come while this thread holds the lock that `set` needs.
             while not is_stopped:
                 time.sleep(SLICE)

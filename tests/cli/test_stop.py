@@ -13,7 +13,7 @@ import time
 import pytest
 
 from taskrpc.cli.shared.processes import Process, processes
-from taskrpc.core import platform
+from taskrpc.core.system import signals
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.core.transport.discovery.registry import Registry
 from taskrpc.core.wire.messages import ServiceEndpoint
@@ -102,7 +102,7 @@ def test_a_process_that_another_program_names_is_not_ended(own_server, run, how)
 def test_no_group_of_processes_is_ended(run, monkeypatch, pid):
     signalled = []
     monkeypatch.setattr(
-        "taskrpc.core.platform.end_process", lambda pid, at_once: signalled.append(pid)
+        "taskrpc.core.system.signals.end_process", lambda pid, at_once: signalled.append(pid)
     )
     monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 0.0)
     with forged_entry(pid):
@@ -111,7 +111,7 @@ def test_no_group_of_processes_is_ended(run, monkeypatch, pid):
 
 
 def test_a_program_that_does_not_react_is_reported(server, run, monkeypatch):
-    monkeypatch.setattr("taskrpc.core.platform.end_process", lambda pid, at_once: None)
+    monkeypatch.setattr("taskrpc.core.system.signals.end_process", lambda pid, at_once: None)
     monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 0.1)
     code, _, err = run("stop", "adder")
     assert code == 1
@@ -223,14 +223,14 @@ def held(folder, monkeypatch, handler, wait="time.sleep(600)", *, create=SERVES,
     """A program that does not end; if it `leaves` the registry, `stop` waits for this first."""
     text = HELD.format(create=create, handler=handler, wait=wait, daemon=not leaves)
     (folder / "held.py").write_text(text, encoding="utf-8")
-    end_process = platform.end_process
+    end_process = signals.end_process
 
     def end(pid, *, at_once):
         end_process(pid, at_once=at_once)
         while leaves and any(each.pid == pid for each in processes()):
             time.sleep(0.01)
 
-    monkeypatch.setattr("taskrpc.core.platform.end_process", end)
+    monkeypatch.setattr("taskrpc.core.system.signals.end_process", end)
     monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 0.1)
     with subprocess.Popen(
         [sys.executable, "held.py"], cwd=folder, stdout=subprocess.PIPE, text=True

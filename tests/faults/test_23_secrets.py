@@ -190,14 +190,14 @@ async def test_secrets_are_not_sent(counts, monkeypatch):
 
 
 def leaves_files_open(patch):
-    from taskrpc.core import platform
+    from taskrpc.core.system import private_files
 
     def open_private(path, **options):
         made = os.open(path, os.O_RDWR | os.O_CREAT, 0o644, dir_fd=options.get("dir_fd"))
         os.fchmod(made, 0o644)
         return made
 
-    patch(platform, "open_private", open_private)
+    patch(private_files, "open_private", open_private)
 
 
 SERVER = """\
@@ -260,9 +260,9 @@ async def test_commands_do_not_reveal_secrets_of_their_files(counts, programs, t
 
 
 def believes_open_files(patch):
-    from taskrpc.core import platform
+    from taskrpc.core.system import private_files
 
-    patch(platform, "why_not_private", lambda *_, **options: "")
+    patch(private_files, "why_not_private", lambda *_, **options: "")
 
 
 @posix
@@ -299,13 +299,13 @@ def test_secret_file_that_others_can_read_is_refused(counts, tmp_path, capsys):
 
 
 def writes_for_everybody(patch):
-    from taskrpc.core import platform
+    from taskrpc.core.system import private_files
 
     def write_private(path, content, *, sync=True):
         path.write_bytes(content)
         path.chmod(0o644)
 
-    patch(platform, "write_private", write_private)
+    patch(private_files, "write_private", write_private)
 
 
 @posix

@@ -101,7 +101,7 @@ asyncio.run(main())
 
 def opens_the_registry(patch):
     """Folders and files with Python's default modes, under the umask of the server."""
-    from taskrpc.core import platform
+    from taskrpc.core.system import private_files
 
     def private_dir(path):
         path.mkdir(parents=True, exist_ok=True)
@@ -114,20 +114,20 @@ def opens_the_registry(patch):
     def open_private(path, must_be_new=False, dir_fd=None):
         return os.open(path, os.O_RDWR | os.O_CREAT, 0o666, dir_fd=dir_fd)
 
-    patch(platform, "private_dir", private_dir)
-    patch(platform, "open_private_dir", open_private_dir)
-    patch(platform, "open_checked_dir", lambda path: os.open(path, os.O_RDONLY))
-    patch(platform, "open_private", open_private)
+    patch(private_files, "private_dir", private_dir)
+    patch(private_files, "open_private_dir", open_private_dir)
+    patch(private_files, "open_checked_dir", lambda path: os.open(path, os.O_RDONLY))
+    patch(private_files, "open_private", open_private)
 
 
 def opens_the_socket(patch):
     """A socket that every user may reach, without a check of the peer's user."""
-    from taskrpc.core import platform
+    from taskrpc.core.system import private_files
     from taskrpc.core.transport.tcp import tcp_network, unix_sockets
 
     opens_the_registry(patch)
     patch(
-        platform,
+        private_files,
         "set_mode",
         lambda path, mode, dir_fd=None: os.chmod(path, mode | 0o666, dir_fd=dir_fd),
     )
@@ -148,16 +148,16 @@ def runtime():
 
 def makes_readable_files(patch):
     """Their folder still keeps others out, unless it is moved or copied."""
-    from taskrpc.core import platform
+    from taskrpc.core.system import private_files
 
-    known = platform.open_private
+    known = private_files.open_private
 
     def open_private(path, **options):
         made = known(path, **options)
         os.fchmod(made, 0o644)
         return made
 
-    patch(platform, "open_private", open_private)
+    patch(private_files, "open_private", open_private)
 
 
 @pytest.mark.planted(

@@ -162,9 +162,9 @@ def _make(options: argparse.Namespace) -> Exit:
 
 def _register() -> Register:
     from taskrpc.course.classroom.register import Register
-    from taskrpc.spi import platform
+    from taskrpc.spi import folders
 
-    return Register(platform.state_dir() / "classroom")
+    return Register(folders.state_dir() / "classroom")
 
 
 def _place(options: argparse.Namespace, register: Register) -> Place:
@@ -200,10 +200,10 @@ def _students(given: str) -> list[str]:
             raise TaskRpcError(f"--students: {problem}")
         return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
     from taskrpc.course.classroom.register import cleaned, student_name_problem
-    from taskrpc.spi import platform
+    from taskrpc.spi import read_text
 
     try:
-        lines = platform.read_text(given, "utf-8-sig").splitlines()
+        lines = read_text(given, "utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "expected UTF-8 text"
         raise TaskRpcError(f"--students {given}: {reason}") from None

@@ -23,10 +23,13 @@ from taskrpc.spi import (
     ServiceEndpoint,
     domain_id,
     environment_peers,
+    file_locks,
+    folders,
     is_unix,
     keepalive_of,
     place_here,
-    platform,
+    private_files,
+    process_state,
     suggestions,
 )
 
@@ -70,10 +73,10 @@ def software() -> Iterator[Finding]:
                 yield problem(f"{package} is not installed", f"{sys.executable} -m pip install .")
 
 
-def folders() -> Iterator[Finding]:
+def registry_folder() -> Iterator[Finding]:
     """Check the folder of the registry, and whether files in it can be locked."""
     try:
-        folder = platform.runtime_dir()
+        folder = folders.runtime_dir()
         locks = _locks_work(folder)
     except (TaskRpcError, OSError) as error:
         advice = "set XDG_RUNTIME_DIR to a folder of yours that no other user can enter"
@@ -177,7 +180,7 @@ async def _reach(entry: RegistryEntry) -> Finding:
 
 def _silent(entry: RegistryEntry, error: TaskRpcError) -> Finding:
     """Return why a program does not respond, although its registry entry shows that it runs."""
-    if platform.is_stopped(entry.pid):
+    if process_state.is_stopped(entry.pid):
         return problem(
             f"{_program(entry)} does not answer: it is stopped, as by Ctrl-Z",
             f"`fg` in its terminal or `kill -CONT {entry.pid}` continues it; `taskrpc stop"
@@ -230,9 +233,9 @@ def _differs_here(type_name: str, type_hash: str, entry: RegistryEntry) -> Itera
 def _locks_work(folder: Path) -> bool:
     with tempfile.TemporaryDirectory(dir=folder) as inner:
         path = Path(inner, "lock")
-        holder, other = platform.open_private(path), platform.open_private(path)
+        holder, other = private_files.open_private(path), private_files.open_private(path)
         try:
-            return platform.try_lock(holder) and platform.is_locked(other)
+            return file_locks.try_lock(holder) and file_locks.is_locked(other)
         except OSError:
             return False
         finally:

@@ -67,7 +67,7 @@ async def _report(remote: Remote, *, as_text: bool) -> list[Finding]:
 
 async def _findings(remote: Remote) -> AsyncIterator[Finding]:
     transports = middlewares.transports_of(remote)
-    for check in (checks.software, checks.folders, checks.environment):
+    for check in (checks.software, checks.registry_folder, checks.environment):
         for finding in check():
             yield finding
     try:

@@ -107,9 +107,9 @@ def guarded(action: Callable[[list[str]], int], argv: list[str]) -> int:
 
     A user's mistake becomes one message on stderr; one line of JSON if `argv` has `--json`.
     """
-    from taskrpc.spi import platform
+    from taskrpc.spi import terminal
 
-    platform.prepare_output()
+    terminal.prepare_output()
     try:
         code = int(action(argv))
         process.check_output()

@@ -12,7 +12,7 @@ from taskrpc.core.transport.discovery.entries import entry_of
 from taskrpc.core.transport.suggestions import domains, like, nothing_offered, others
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
-from taskrpc.spi import RegistryEntry, ServiceEndpoint, TopicEndpoint, domain_id, platform
+from taskrpc.spi import RegistryEntry, ServiceEndpoint, TopicEndpoint, domain_id, process_state
 
 _PATIENCE = 2.0
 """Seconds for a middleware to find the first other program; DDS may repeat its question."""
@@ -101,7 +101,7 @@ def _out_of_reach(place: str, lost: TaskRpcError, waited: str) -> ServiceUnavail
 def _silent(entry: RegistryEntry, service: str, waited: str) -> ServiceUnavailable:
     """Return the error for a running process that offers a service and does not answer."""
     program = f"{entry.script} (pid {entry.pid})"
-    if platform.is_stopped(entry.pid):
+    if process_state.is_stopped(entry.pid):
         return hinted(
             ServiceUnavailable(f"{program} offers {service}, but {STOPPED} {waited}"),
             f"`fg` in its terminal or `kill -CONT {entry.pid}` continues it, `taskrpc stop"

@@ -13,7 +13,7 @@ from operator import itemgetter
 import msgspec
 
 from taskrpc.core.transport.discovery.registry import domain_folder
-from taskrpc.spi import domain_id, is_loopback, platform, split_place
+from taskrpc.spi import domain_id, file_locks, is_loopback, split_place
 
 _LONGEST = 65_536
 """Bytes of the longest file that is read."""
@@ -68,7 +68,7 @@ class NotedLink:
         with contextlib.suppress(FileNotFoundError):
             self._folder.remove(self._name)
         self._descriptor = self._folder.open(self._name, must_be_new=True)
-        platform.lock(self._descriptor)
+        file_locks.lock(self._descriptor)
         os.write(self._descriptor, msgspec.json.encode(link))
 
     def close(self) -> None:
@@ -88,7 +88,7 @@ def noted_links() -> list[PageLink]:
         with contextlib.suppress(OSError, msgspec.MsgspecError):
             descriptor = folder.open_existing(name)
             with os.fdopen(descriptor, "rb") as file:
-                if platform.is_locked(descriptor):  # else its server was killed
+                if file_locks.is_locked(descriptor):  # else its server was killed
                     link = msgspec.json.decode(file.read(_LONGEST), type=PageLink)
                     found.append((os.fstat(descriptor).st_mtime_ns, link))
     folder.close()

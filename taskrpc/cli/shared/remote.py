@@ -196,11 +196,11 @@ def _tls(options: argparse.Namespace) -> Tls | None:
 def _token(file: str | None) -> str | None:
     if not file:
         return None
-    from taskrpc.spi import platform
+    from taskrpc.spi import private_files
 
     try:
         with open(file, encoding="utf-8") as opened:
-            platform.check_private(opened.fileno(), file)
+            private_files.check_private(opened.fileno(), file)
             token = opened.read().strip()
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "expected UTF-8 text"

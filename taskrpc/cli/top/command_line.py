@@ -43,9 +43,9 @@ def _run(options: Namespace) -> Exit:
     remote = remote_of(options)
     console = None
     if not options.once and not options.json and sys.stdout.isatty():
-        from taskrpc.cli.top.screen import terminal
+        from taskrpc.cli.top.screen import open_console
 
-        console = terminal()
+        console = open_console()
     asyncio.run(_watch(options, remote, console))
     return Exit.DONE
 

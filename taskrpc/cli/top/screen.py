@@ -16,7 +16,7 @@ from rich.text import Text
 
 from taskrpc.cli.top.picture import ASCII, UNICODE, Line, Role, picture
 from taskrpc.observe.top.model import View
-from taskrpc.spi import platform
+from taskrpc.spi import terminal
 
 _STYLES = {
     Role.PLAIN: "",
@@ -30,7 +30,7 @@ _SUSPEND = "suspend"
 _TERMINATED = 128 + 15  # the exit status after SIGTERM, as a shell shows it
 
 
-def terminal() -> Console | None:
+def open_console() -> Console | None:
     """Return the terminal on stdout; None if there is none that can show a picture."""
     if not sys.stdout.isatty():
         return None
@@ -67,7 +67,7 @@ async def _drawn(console: Console, read: Callable[[], Awaitable[View]], period: 
         _terminated(),
         _quiet(),
         screen.live,
-        platform.keys_pressed(lambda key: end("q") if key in "qQ" else None),
+        terminal.keys_pressed(lambda key: end("q") if key in "qQ" else None),
         _handled(signals),
     ):
         due = loop.time()

@@ -11,7 +11,7 @@ from taskrpc.cli.shared.command import hinted
 from taskrpc.cli.shared.quoting import NotAMapping
 from taskrpc.cli.shared.values import from_fields, read_fields
 from taskrpc.errors import InvalidRequest, TaskRpcError
-from taskrpc.spi import platform
+from taskrpc.spi import read_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,7 +51,7 @@ def documents(path: str) -> list[str]:
     from taskrpc.spi import yaml_text
 
     try:
-        text = platform.read_text(path)
+        text = read_text(path)
         found = yaml_text.compose_all(text)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "expected UTF-8 text"

@@ -10,9 +10,9 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from taskrpc.core import platform
 from taskrpc.core.security.account_file import AccountFile
 from taskrpc.core.security.roles import MIN_SECRET, Account, Accounts
+from taskrpc.core.system import private_files
 from taskrpc.errors import TaskRpcError
 
 log = logging.getLogger("taskrpc.transport")
@@ -100,8 +100,8 @@ def _read(path: Path) -> tuple[Accounts, str]:
     """
     try:
         with open(path, "rb") as file:
-            problem = platform.why_not_private(file.fileno(), path)
-            if problem and not platform.is_written_by_us_only(file.fileno()):
+            problem = private_files.why_not_private(file.fileno(), path)
+            if problem and not private_files.is_written_by_us_only(file.fileno()):
                 raise TaskRpcError(problem)
             # Some editors begin a file with a byte order mark.
             content = file.read().removeprefix(BOM_UTF8)

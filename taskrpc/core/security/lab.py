@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from taskrpc.core import platform
+from taskrpc.core.system import folders, private_files
 from taskrpc.errors import TaskRpcError
 
 TYPE_CHECKING = False
@@ -46,7 +46,7 @@ def robot_namespace(number: int) -> str:
 
 def lab_file() -> Path:
     """Return the path of the file that stores the joined lab."""
-    return platform.find_state_dir() / _FILE
+    return folders.find_state_dir() / _FILE
 
 
 def remembered_lab() -> Lab | None:
@@ -69,8 +69,8 @@ def remembered_lab() -> Lab | None:
 
 def remember_lab(lab: Lab) -> None:
     """Store the lab, in the place of an earlier one; programs that start later call it."""
-    platform.state_dir()
-    platform.write_private(lab_file(), msgspec.json.encode(lab))
+    folders.state_dir()
+    private_files.write_private(lab_file(), msgspec.json.encode(lab))
 
 
 def forget_lab() -> bool:

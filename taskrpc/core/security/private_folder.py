@@ -15,7 +15,7 @@ import weakref
 from collections.abc import Iterator
 from pathlib import Path
 
-from taskrpc.core import platform
+from taskrpc.core.system import file_locks, private_files
 from taskrpc.errors import TaskRpcError
 
 _HAS_DIR_FD = {os.open, os.stat, os.unlink, os.mkdir} <= os.supports_dir_fd
@@ -82,13 +82,13 @@ class PrivateFolder:
         """
         path = self._checked(name)
         return _regular(
-            platform.open_private(path, must_be_new=must_be_new, dir_fd=self._descriptor), name
+            private_files.open_private(path, must_be_new=must_be_new, dir_fd=self._descriptor), name
         )
 
     def open_existing(self, name: str) -> int:
         """Open a file for reading and writing; like `open`, but it does not create the file."""
         path = self._checked(name)
-        return _regular(os.open(path, platform.OPEN_FLAGS, dir_fd=self._descriptor), name)
+        return _regular(os.open(path, private_files.OPEN_FLAGS, dir_fd=self._descriptor), name)
 
     def status(self, name: str) -> os.stat_result:
         """Return the status of what has this name, which may be a link. Raises OSError."""
@@ -118,7 +118,7 @@ class PrivateFolder:
             raise self._no_lock(name, error) from None
         try:
             try:
-                platform.lock(descriptor)
+                file_locks.lock(descriptor)
             except OSError as error:
                 raise self._no_lock(name, error) from None
             yield
@@ -136,7 +136,7 @@ class PrivateFolder:
         path = self._at(name)
         if self._descriptor is None:
             with contextlib.suppress(FileNotFoundError):
-                if platform.is_link(os.lstat(path)):
+                if private_files.is_link(os.lstat(path)):
                     raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), path)
         return path
 
@@ -144,17 +144,17 @@ class PrivateFolder:
 def _open_chain(root: Path, below: tuple[str, ...]) -> int | None:
     """Return the descriptor of the last folder, None on Windows. Raises TaskRpcError."""
     path = root
-    descriptor = platform.open_private_dir(root) if _HAS_DIR_FD else None
+    descriptor = private_files.open_private_dir(root) if _HAS_DIR_FD else None
     if descriptor is None:
-        platform.private_dir(root)
+        private_files.private_dir(root)
     for name in below:
         path /= name
         if descriptor is None:
-            platform.private_dir(path)
+            private_files.private_dir(path)
             continue
         outer = descriptor
         try:
-            descriptor = platform.open_private_dir(path, dir_fd=outer)
+            descriptor = private_files.open_private_dir(path, dir_fd=outer)
         finally:
             os.close(outer)
     return descriptor
@@ -167,7 +167,11 @@ def _regular(descriptor: int, name: str) -> int:
     """
     found = os.fstat(descriptor)
     # A removed file has no name any more.
-    if stat.S_ISREG(found.st_mode) and found.st_nlink <= 1 and platform.is_this_user(found.st_uid):
+    if (
+        stat.S_ISREG(found.st_mode)
+        and found.st_nlink <= 1
+        and private_files.is_this_user(found.st_uid)
+    ):
         return descriptor
     os.close(descriptor)
     raise OSError(errno.EPERM, "expected a regular file of this user's with one name", name)

@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 
 import msgspec
 
-from taskrpc.core import platform
+from taskrpc.core.system import private_files
 from taskrpc.errors import CannotListen, TaskRpcError
 
 log = logging.getLogger("taskrpc.transport")
@@ -193,7 +193,7 @@ def _load_pair(context: ssl.SSLContext, cert: str | Path, key: str | Path) -> No
 
     def check_key() -> None:
         with open(key, "rb") as file:
-            if problem := platform.why_not_private(file.fileno(), key, is_key=True):
+            if problem := private_files.why_not_private(file.fileno(), key, is_key=True):
                 _warn(problem)
 
     _load(key, check_key)

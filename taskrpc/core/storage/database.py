@@ -20,12 +20,12 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from taskrpc.core import platform
 from taskrpc.core.storage import path_checks
 from taskrpc.core.storage.error_texts import is_about_the_file, is_full, loss_text, store_errors
 from taskrpc.core.storage.file_watch import FileWatch
 from taskrpc.core.storage.lock import CommitCount, Lock
 from taskrpc.core.storage.records import Damaged
+from taskrpc.core.system import private_files
 from taskrpc.core.transport.chance import present_chance
 from taskrpc.errors import OutcomeUnknown, StoreError
 
@@ -375,4 +375,4 @@ def _make_private(path: Path) -> None:
     # Do not use a descriptor: closing it would drop the locks of other readers in this process.
     for suffix in path_checks.SIDE_FILES:
         with contextlib.suppress(FileNotFoundError):
-            platform.set_mode(path.with_name(path.name + suffix), 0o600)
+            private_files.set_mode(path.with_name(path.name + suffix), 0o600)

@@ -14,7 +14,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import NamedTuple
 
-from taskrpc.core import platform
+from taskrpc.core.system import file_locks, private_files
 from taskrpc.errors import StoreError
 
 _HEAD = 80
@@ -63,7 +63,7 @@ class Lock:
 
     def __init__(self, path: Path, holder: str) -> None:
         self.path = path.resolve().with_name(path.resolve().name + ".lock")
-        self._descriptor = platform.open_private(self.path)
+        self._descriptor = private_files.open_private(self.path)
         try:
             self._take(path, holder)
             contents = self._read()
@@ -91,12 +91,12 @@ class Lock:
                 os.ftruncate(self._descriptor, 0)
                 self._write_head()
                 self.is_damaged = False
-            platform.write_at(self._descriptor, line, _HEAD)
+            file_locks.write_at(self._descriptor, line, _HEAD)
 
     @property
     def is_lost(self) -> bool:
         """Whether the lock file was removed, so that another process can take the lock."""
-        return not platform.is_same_file(self.path, os.fstat(self._descriptor))
+        return not file_locks.is_same_file(self.path, os.fstat(self._descriptor))
 
     def close(self) -> None:
         """Release the lock."""
@@ -104,7 +104,7 @@ class Lock:
 
     def _take(self, path: Path, holder: str) -> None:
         try:
-            is_ours = platform.try_lock(self._descriptor)
+            is_ours = file_locks.try_lock(self._descriptor)
         except OSError as error:
             raise StoreError(
                 f"{path}: its folder does not let files be locked ({error.strerror});"
@@ -119,7 +119,7 @@ class Lock:
     def _write_head(self) -> None:
         since = datetime.now().astimezone().isoformat(" ", "seconds")
         head = f"pid {os.getpid()}, since {since}".ljust(_HEAD - 1)
-        platform.write_at(self._descriptor, f"{head}\n".encode(), 0)
+        file_locks.write_at(self._descriptor, f"{head}\n".encode(), 0)
 
     def _read(self) -> bytes:
         os.lseek(self._descriptor, 0, os.SEEK_SET)

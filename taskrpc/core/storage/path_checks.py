@@ -13,8 +13,8 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from taskrpc.core import platform
 from taskrpc.core.storage.lock import Lock
+from taskrpc.core.system import private_files
 from taskrpc.errors import StoreError
 
 SIDE_FILES = ("", "-wal", "-shm")
@@ -44,17 +44,17 @@ def refuse_strangers(path: Path) -> None:
     Raises StoreError.
     """
     for place in (*reversed(path.parents), path):
-        if place.is_symlink() and platform.is_writable_by_all(place.parent):
+        if place.is_symlink() and private_files.is_writable_by_all(place.parent):
             raise StoreError(
                 f"{place} is a symbolic link in a folder where every user may write, so another"
                 " user may have made it; give the path of the file itself, in a folder of your own"
             )
     real = path.resolve()
-    if not platform.is_writable_by_all(real.parent):
+    if not private_files.is_writable_by_all(real.parent):
         return
     for each in _side_files(real, _READ_AT_START):
         with contextlib.suppress(FileNotFoundError):
-            if each.is_symlink() or not platform.is_ours_or_roots(each.lstat()):
+            if each.is_symlink() or not private_files.is_ours_or_roots(each.lstat()):
                 raise StoreError(
                     f"{each} belongs to another user, in a folder where every user may write;"
                     " use a database in a folder of your own"

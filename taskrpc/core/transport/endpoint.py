@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import msgspec
 
-from taskrpc.core import platform
 from taskrpc.core.request_ids.ids import RequestCounters
 from taskrpc.core.security.roles import Role
+from taskrpc.core.system import resources
 from taskrpc.core.transport.base import Offer, ProgramStatistics, TopicPublisher, TopicSubscription
 from taskrpc.core.transport.chance import chance_of
 from taskrpc.core.transport.channel import RemoteChannel
@@ -102,7 +102,7 @@ class Endpoint(ThreadHandoff):
         self.availability = Availability(network)
         self.dialler = Dialler(network, self._caller)
         self.read_buffer = memoryview(bytearray(READ_BUFFER))
-        platform.keep_freed_memory(DEFAULT_LIMITS.body)
+        resources.keep_freed_memory(DEFAULT_LIMITS.body)
         self.address = ""
         """The address at which it listens, "" before."""
         self.holders = 1

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
-from taskrpc.core import platform
+from taskrpc.core.current_program import current_program
 from taskrpc.core.security.roles import account_of
 from taskrpc.core.transport.chance import present_chance
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
@@ -232,7 +232,7 @@ def open_network(settings: Settings) -> MemoryNetwork:
     """Return the network of a program with these settings; `listen` is the program's name."""
     return MemoryNetwork(
         domain=settings.domain,
-        program=settings.listen or platform.program.get(),
+        program=settings.listen or current_program.get(),
         token=settings.token,
         accounts=settings.account_source(),
     )

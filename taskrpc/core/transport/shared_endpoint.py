@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 
 import msgspec
 
-from taskrpc.core import platform
+from taskrpc.core.current_program import current_program
 from taskrpc.core.security.installing import install_command
 from taskrpc.core.security.lab import remembered_lab
 from taskrpc.core.security.roles import Accounts
@@ -93,7 +93,7 @@ def shared_endpoint(
     )
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
     profile = keepalive_of(keepalive)
-    key: _Key = (name, settings, profile, faults, platform.program.get())
+    key: _Key = (name, settings, profile, faults, current_program.get())
     if (known := endpoints.get(key)) is not None:
         known.holders += 1
         return known
@@ -109,7 +109,7 @@ def shared_endpoint(
 async def close_program(program: str) -> None:
     """Close the endpoints of a program that has ended without closing its nodes.
 
-    `program` is a value of `platform.program`, for interpreters in which programs end one by one.
+    `program` is a value of `current_program`, for interpreters in which programs end one by one.
     """
     endpoints = _endpoints.get(asyncio.get_running_loop(), {})
     left = [endpoint for key, endpoint in endpoints.items() if key[-1] == program]

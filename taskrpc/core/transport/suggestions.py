@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 
-from taskrpc.core import names, platform
+from taskrpc.core import names
 from taskrpc.core.security.lab import remembered_lab
+from taskrpc.core.system import folders
 from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.core.transport.discovery.registry import Registry
 from taskrpc.core.transport.settings import domain_id, environment_peers
@@ -53,7 +54,7 @@ def wrote_its_entries(pid: int) -> bool:
 
 
 def _registries() -> Iterator[tuple[int, Registry]]:
-    for folder in sorted(platform.runtime_dir().glob("domain_*")):
+    for folder in sorted(folders.runtime_dir().glob("domain_*")):
         number = folder.name.removeprefix("domain_")
         if number.isdecimal():
             yield int(number), Registry(int(number))

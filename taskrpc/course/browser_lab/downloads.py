@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 from typing import Final, NamedTuple
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.spi import platform
+from taskrpc.spi import folders, os_errors, private_files
 
 TIMEOUT: Final = 30.0
 """Seconds without data after which a download is given up."""
@@ -91,7 +91,7 @@ def runtime(folder: Path | None, report: Report, fetch: Fetch | None = None) -> 
         if all((folder / name).is_file() for name in RUNTIME):
             return {name: (folder / name).read_bytes() for name in RUNTIME}
         return _unpacked({archive: _from_folder(archive, folder) for archive in ARCHIVES})
-    cache = platform.cache_dir()
+    cache = folders.cache_dir()
     return _unpacked(
         {archive: _from_cache(archive, cache, report, fetch or _download) for archive in ARCHIVES}
     )
@@ -104,7 +104,7 @@ def _from_folder(archive: Archive, folder: Path) -> bytes:
         names = ", ".join(each.name for each in ARCHIVES)
         raise TaskRpcError(
             f"{folder}: expected the page of a classroom bundle, or the files {names};"
-            f" {archive.name}: {platform.reason_of(error)}"
+            f" {archive.name}: {os_errors.reason_of(error)}"
         ) from None
     _check(archive, data, str(folder / archive.name))
     return data
@@ -117,7 +117,7 @@ def _from_cache(archive: Archive, cache: Path, report: Report, fetch: Fetch) -> 
         _check(archive, data, str(path))
     except (OSError, TaskRpcError):
         data = _fetched(archive, report, fetch)
-        platform.write_private(path, data)
+        private_files.write_private(path, data)
     return data
 
 

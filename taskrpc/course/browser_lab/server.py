@@ -18,7 +18,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, Final
 
 from taskrpc.errors import CannotListen
-from taskrpc.spi import join_place, platform
+from taskrpc.spi import join_place, os_errors
 
 PORT: Final = 8737
 """The default port; it is always the same, because browsers keep the students' files for it."""
@@ -67,7 +67,7 @@ class LabServer(ThreadingHTTPServer):
         try:
             super().__init__((host, port), partial(_Handler, pages))
         except OSError as error:
-            reason = platform.reason_of(error)
+            reason = os_errors.reason_of(error)
             raise CannotListen(
                 f"{host}:{port}: {reason}; if the page of the labs is open already, use it, or"
                 " choose another port with --port"

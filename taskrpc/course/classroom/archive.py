@@ -11,7 +11,7 @@ import msgspec
 
 from taskrpc.course.classroom.attendance import last_calls
 from taskrpc.course.classroom.register import Register
-from taskrpc.spi import platform
+from taskrpc.spi import private_files
 
 FOLDER = "archive"
 """The folder of these files in the folder of the class."""
@@ -32,9 +32,9 @@ def write_archive(
         for account, last in seen.items()
     ]
     content = {"ended": now, "service": service, "students": students, "tasks": tasks}
-    path = _free_path(platform.private_dir(register.folder / FOLDER), now)
+    path = _free_path(private_files.private_dir(register.folder / FOLDER), now)
     encoded = msgspec.json.encode(content, enc_hook=dict)  # results are read-only mappings
-    platform.write_private(path, msgspec.json.format(encoded, indent=1))
+    private_files.write_private(path, msgspec.json.format(encoded, indent=1))
     return path
 
 

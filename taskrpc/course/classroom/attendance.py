@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 
 from taskrpc import CallInfo, Observer
-from taskrpc.spi import platform
+from taskrpc.spi import private_files
 
 WRITE_EVERY = 5.0
 """Seconds between two writes to the disk."""
@@ -45,7 +45,7 @@ class Attendance(Observer):
 
     def _write(self, now: float) -> None:
         self._written = now
-        platform.write_private(self._path, msgspec.json.encode(self._seen), sync=False)
+        private_files.write_private(self._path, msgspec.json.encode(self._seen), sync=False)
 
 
 def last_calls(path: Path) -> dict[str, float]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import msgspec
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.spi import first_certificate, platform
+from taskrpc.spi import first_certificate, private_files
 
 if TYPE_CHECKING:
     from cryptography import x509
@@ -65,11 +65,11 @@ def make_certificates(folder: Path, names: Sequence[str], now: datetime.datetime
         ca, ca_key = _read_authority(made)
     else:
         ca, ca_key = _make_authority(now)
-        platform.write_private(made.ca_key, _pem_of_key(ca_key))
-        platform.write_private(made.ca, _pem(ca))
+        private_files.write_private(made.ca_key, _pem_of_key(ca_key))
+        private_files.write_private(made.ca, _pem(ca))
     cert, key = _make_server(ca, ca_key, names, now)
-    platform.write_private(made.key, _pem_of_key(key))
-    platform.write_private(made.cert, _pem(cert) + _pem(ca))
+    private_files.write_private(made.key, _pem_of_key(key))
+    private_files.write_private(made.cert, _pem(cert) + _pem(ca))
     return made
 
 

@@ -18,7 +18,14 @@ from taskrpc import Account
 from taskrpc.course.classroom.authority import files_in
 from taskrpc.course.classroom.invitation import Invitation, to_join_string
 from taskrpc.errors import TaskRpcError
-from taskrpc.spi import AccountFile, Row, account_name_problem, platform, robot_namespace
+from taskrpc.spi import (
+    AccountFile,
+    Row,
+    account_name_problem,
+    file_locks,
+    private_files,
+    robot_namespace,
+)
 
 _SECRET_BYTES = 18
 
@@ -44,7 +51,7 @@ class Register:
     """The files of a class in one folder, which is created if it is missing."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = platform.private_dir(folder)
+        self.folder = private_files.private_dir(folder)
         self.accounts_file = folder / "accounts.json"
         self.attendance_file = folder / "attendance.json"
         self.certificates = files_in(folder)
@@ -107,7 +114,7 @@ class Register:
             for name in wanted:
                 _check_namespace(name, rows)
             if written:
-                platform.write_private(self._names_file, msgspec.json.encode(written))
+                private_files.write_private(self._names_file, msgspec.json.encode(written))
 
         self._edit(change)
         return [account for account in self.accounts() if account.name in wanted]
@@ -150,7 +157,7 @@ class Register:
 
     @place.setter
     def place(self, place: Place) -> None:
-        platform.write_private(self._place_file, msgspec.json.encode(place))
+        private_files.write_private(self._place_file, msgspec.json.encode(place))
 
     @property
     def robots(self) -> int:
@@ -192,11 +199,11 @@ class Register:
         )
 
     def _edit(self, change: Callable[[dict[str, Row]], None]) -> None:
-        with platform.locked(self.folder / "lock"):
+        with file_locks.locked(self.folder / "lock"):
             rows = self._read().rows
             change(rows)
             content = msgspec.json.format(msgspec.json.encode({"accounts": rows}), indent=2)
-            platform.write_private(self.accounts_file, content + b"\n")
+            private_files.write_private(self.accounts_file, content + b"\n")
 
     def _read(self) -> AccountFile:
         try:

@@ -23,7 +23,7 @@ from typing import BinaryIO
 
 from taskrpc.course.labs.starter import RECORD, read_record
 from taskrpc.errors import TaskRpcError
-from taskrpc.spi import platform
+from taskrpc.spi import private_files
 
 LARGEST = 20 * 2**20
 """Most bytes of a submission."""
@@ -160,7 +160,7 @@ def _remove(folder: Path) -> None:
     try:
         while folders := _emptied(top, top):
             for name in folders:
-                platform.set_mode(name, 0o700, dir_fd=top)
+                private_files.set_mode(name, 0o700, dir_fd=top)
                 descriptor = _opened(name, top)
                 try:
                     _emptied(descriptor, top)
@@ -187,7 +187,7 @@ def _emptied(folder: int, top: int) -> list[str]:
         elif folder == top:
             folders.append(name)
         else:
-            platform.set_mode(name, 0o700, dir_fd=folder)
+            private_files.set_mode(name, 0o700, dir_fd=folder)
             os.rename(name, f"{secrets.token_hex(8)} removed", src_dir_fd=folder, dst_dir_fd=top)
     return folders
 

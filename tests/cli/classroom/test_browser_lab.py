@@ -4,7 +4,7 @@ import pytest
 
 from taskrpc.cli.classroom import browser_lab
 from taskrpc.cli.main import main
-from taskrpc.core import platform
+from taskrpc.core.system import folders
 from taskrpc.course.classroom.register import Register
 
 pytestmark = pytest.mark.real_time
@@ -31,7 +31,7 @@ def test_address_and_fingerprint_are_printed_for_the_students(served, capsys):
     assert main(["classroom", "lab", "--port", "18737", "--pyodide", "folder"]) == 0
     said = capsys.readouterr()
     assert said.out == "https://192.0.2.7:18737/\nhttps://[fd00::7]:18737/\n"
-    register = Register(platform.state_dir() / "classroom")
+    register = Register(folders.state_dir() / "classroom")
     assert register.certificates.fingerprint.hex(":").upper() in said.err.splitlines()
     ((host, url),) = served
     assert host == "0.0.0.0"

@@ -202,7 +202,7 @@ def test_stopped_server_is_reported_with_the_command_that_continues_it(own_serve
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
 def test_server_that_hangs_is_reported(own_server, run, monkeypatch):
     os.kill(own_server.process.pid, signal.SIGSTOP)
-    monkeypatch.setattr("taskrpc.core.platform.is_stopped", lambda _: False)
+    monkeypatch.setattr("taskrpc.core.system.process_state.is_stopped", lambda _: False)
     code, out, err = run("/add_two_ints", "--timeout", "0.3", command=call_main)
     assert (code, out) == (4, "")
     pid = own_server.process.pid

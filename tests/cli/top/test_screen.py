@@ -19,7 +19,7 @@ def console(file, **settings):
 
 
 async def shown(read, monkeypatch, **settings):
-    monkeypatch.setattr(screen.platform, "keys_pressed", lambda pressed: _Pressed(pressed))
+    monkeypatch.setattr(screen.terminal, "keys_pressed", lambda pressed: _Pressed(pressed))
     file = io.StringIO()
     await screen.show(console(file, **settings), read, 1.0)
     return file.getvalue()
@@ -69,7 +69,7 @@ async def test_the_terminal_is_restored_after_an_error(monkeypatch):
         raise RuntimeError("a defect")
 
     file = io.StringIO()
-    monkeypatch.setattr(screen.platform, "keys_pressed", lambda pressed: _Pressed(pressed))
+    monkeypatch.setattr(screen.terminal, "keys_pressed", lambda pressed: _Pressed(pressed))
     with pytest.raises(RuntimeError, match="a defect"):
         await screen.show(console(file), read, 1.0)
     assert file.getvalue().endswith("\x1b[?25h\x1b[?1049l")

@@ -6,8 +6,8 @@ import sys
 
 import pytest
 
-from taskrpc.core import platform
 from taskrpc.core.security import lab
+from taskrpc.core.system import folders, private_files
 from taskrpc.errors import TaskRpcError
 
 LAB = lab.Lab(place="192.168.1.20:7450", token="ada.secret", certificate="PEM", domain=7)
@@ -24,7 +24,7 @@ def test_remembered_lab_is_read_until_it_is_forgotten():
 
 def test_reading_the_lab_creates_no_folder():
     lab.remembered_lab()
-    assert not platform.find_state_dir().exists()
+    assert not folders.find_state_dir().exists()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps it in the user's profile")
@@ -41,13 +41,13 @@ def test_failed_write_keeps_the_earlier_lab(monkeypatch):
 
     monkeypatch.setattr(os, "replace", refuse)
     with pytest.raises(OSError, match="no space"):
-        platform.write_private(lab.lab_file(), b"half")
+        private_files.write_private(lab.lab_file(), b"half")
     assert lab.remembered_lab() == LAB
     assert os.listdir(lab.lab_file().parent) == ["lab.json"]
 
 
 def test_invalid_lab_file_is_named():
-    platform.state_dir()
+    folders.state_dir()
     lab.lab_file().write_text("{}")
     with pytest.raises(
         TaskRpcError, match=r"lab\.json: .*`place`.*; `taskrpc join --leave` removes it"

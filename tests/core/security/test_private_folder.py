@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import taskrpc
-from taskrpc.core import platform
+from taskrpc.core.system import file_locks, folders, private_files
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.core.transport.discovery.journal import line_of
 from taskrpc.core.transport.discovery.registry import Registry
@@ -39,7 +39,7 @@ def scripts(registry):
 
 
 def the_folder():
-    return platform.runtime_dir() / "domain_0"
+    return folders.runtime_dir() / "domain_0"
 
 
 @pytest.fixture
@@ -106,7 +106,7 @@ def test_a_link_in_place_of_the_folder_above_changes_no_other_folder(registry, v
     inner = victim / "domain_0"
     shutil.copytree(victim, inner)
     before = state(inner)
-    put_link(platform.runtime_dir(), victim)
+    put_link(folders.runtime_dir(), victim)
     use(registry)
     assert state(inner) == before
 
@@ -121,7 +121,7 @@ def test_a_link_put_there_between_two_steps_changes_no_other_folder(
     before = state(victim)
     for name in NAMES:
         (the_folder() / name).write_bytes(line_of(1, entry("dead.py")))
-    known, calls = getattr(platform, function), []
+    known, calls = getattr(file_locks, function), []
 
     def swap(descriptor):
         calls.append(descriptor)
@@ -130,7 +130,7 @@ def test_a_link_put_there_between_two_steps_changes_no_other_folder(
         return known(descriptor)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(platform, function, swap)
+        patch.setattr(file_locks, function, swap)
         use(registry)
     assert the_folder().is_symlink()
     assert state(victim) == before
@@ -203,7 +203,7 @@ def test_a_file_that_is_no_entry_is_looked_at_under_the_lock_only_once(registry,
     (the_folder() / "1-strange.json").write_text("notes")
     assert scripts(registry) == []
     locks = []
-    monkeypatch.setattr(platform, "lock", locks.append)
+    monkeypatch.setattr(file_locks, "lock", locks.append)
     assert scripts(registry) == []
     assert locks == []
     dead(the_folder() / "1-strange.json")
@@ -252,7 +252,7 @@ def test_a_program_enters_a_folder_that_was_made_anew(registry, remove, above):
 def test_a_change_after_the_folder_was_removed_is_published_with_the_whole_entry(registry):
     tracked = TrackedEntry(entry())
     registry.publish(tracked, EntryChange(node="/a"))
-    shutil.rmtree(platform.runtime_dir())
+    shutil.rmtree(folders.runtime_dir())
     registry.publish(tracked, EntryChange(node="/b"))
     other = Registry(0)
     assert [each.nodes for each in other.entries()] == [("/a", "/b")]
@@ -280,8 +280,8 @@ def test_a_folder_of_another_user_is_refused_at_the_start_and_later(registry, ab
 @pytest.mark.skipif(not IS_ROOT, reason="needs root, to give a file to another user")
 def test_an_entry_of_another_user_is_not_believed(registry):
     path = the_folder() / "1-forged.json"
-    descriptor = platform.open_private(path)
-    platform.lock(descriptor)
+    descriptor = private_files.open_private(path)
+    file_locks.lock(descriptor)
     os.write(descriptor, line_of(1, entry("forged.py")))
     assert scripts(registry) == ["forged.py"]
     os.chown(path, 65534, 65534)

@@ -9,10 +9,10 @@ import sqlite3
 import pytest
 
 from taskrpc import SqliteCompletions
-from taskrpc.core import platform
 from taskrpc.core.request_ids.ids import Completion
 from taskrpc.core.storage import database as database_module
 from taskrpc.core.storage.database import Database, pragma
+from taskrpc.core.system import file_locks, private_files
 from taskrpc.errors import OutcomeUnknown, StoreError
 
 on_windows = pytest.mark.skipif(os.name == "nt", reason="an open file cannot be moved there")
@@ -234,7 +234,7 @@ async def test_another_users_file_in_a_folder_open_to_all_is_refused(path, endin
     strange = path.with_name(path.name + ending)
     strange.touch(0o666)
     inode = strange.stat().st_ino
-    monkeypatch.setattr(platform, "is_ours_or_roots", lambda found: found.st_ino != inode)
+    monkeypatch.setattr(private_files, "is_ours_or_roots", lambda found: found.st_ino != inode)
     with pytest.raises(StoreError, match="belongs to another user, in a folder where every user"):
         await booked(path)
     strange.unlink()
@@ -373,7 +373,7 @@ async def test_folder_without_file_locks_is_reported(path, monkeypatch):
     def no_locks(descriptor, *, wait):
         raise OSError(errno.ENOLCK, "No locks available")
 
-    monkeypatch.setattr(platform, "_lock", no_locks)
+    monkeypatch.setattr(file_locks, "_lock", no_locks)
     with pytest.raises(StoreError) as refused:
         await booked(path)
     assert str(refused.value) == (

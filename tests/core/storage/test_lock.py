@@ -7,8 +7,8 @@ import stat
 
 import pytest
 
-from taskrpc.core import platform
 from taskrpc.core.storage.lock import CommitCount, FileInUse, Lock
+from taskrpc.core.system import file_locks
 
 STORE = CommitCount(bytes(range(16)), 7)
 
@@ -108,7 +108,7 @@ def test_count_that_cannot_be_written_refuses_no_change(path, monkeypatch):
     def full(*_):
         raise OSError(28, "no space left on device")
 
-    monkeypatch.setattr(platform, "write_at", full)
+    monkeypatch.setattr(file_locks, "write_at", full)
     lock.note(STORE)
     lock.close()
 
@@ -118,7 +118,7 @@ def test_link_in_the_place_of_the_lock_file_changes_no_mode(path, monkeypatch):
     """As a user can put there who may write to the folder."""
     precious = path.with_name("precious")
     precious.touch(0o644)
-    try_lock = platform.try_lock
+    try_lock = file_locks.try_lock
 
     def lock_and_replace(descriptor):
         place = path.with_name("tasks.db.lock")
@@ -126,7 +126,7 @@ def test_link_in_the_place_of_the_lock_file_changes_no_mode(path, monkeypatch):
         place.symlink_to(precious)
         return try_lock(descriptor)
 
-    monkeypatch.setattr(platform, "try_lock", lock_and_replace)
+    monkeypatch.setattr(file_locks, "try_lock", lock_and_replace)
     lock = Lock(path, "task server")
     assert lock.is_lost
     lock.close()

@@ -7,7 +7,7 @@ from contextvars import copy_context
 import pytest
 
 import taskrpc
-from taskrpc.core import platform
+from taskrpc.core.current_program import current_program
 from taskrpc.core.transport import shared_endpoint
 from taskrpc.core.transport.memory import MemoryNetwork
 from taskrpc.core.transport.shared_endpoint import ENTRY_POINTS, TRANSPORTS, Registration
@@ -119,7 +119,7 @@ async def test_nodes_with_equal_settings_share_an_endpoint():
 async def test_programs_in_one_interpreter_have_endpoints_of_their_own():
     def in_program(name):
         context = copy_context()
-        context.run(platform.program.set, name)
+        context.run(current_program.set, name)
         return context
 
     async def started(name):

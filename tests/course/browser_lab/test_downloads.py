@@ -7,7 +7,7 @@ import tarfile
 import pytest
 
 from taskrpc import TaskRpcError
-from taskrpc.core import platform
+from taskrpc.core.system import folders
 from taskrpc.course.browser_lab import downloads
 from taskrpc.course.browser_lab.downloads import RUNTIME, Archive, runtime
 
@@ -62,7 +62,7 @@ def test_archives_are_downloaded_once_and_unpacked():
 
 def test_a_damaged_archive_of_the_cache_is_downloaded_again():
     runtime(None, print, lambda archive: CONTENTS[archive.url])
-    (platform.cache_dir() / "msgspec-1.whl").write_bytes(b"half")
+    (folders.cache_dir() / "msgspec-1.whl").write_bytes(b"half")
     fetched = []
     runtime(None, print, lambda archive: fetched.append(archive.name) or CONTENTS[archive.url])
     assert fetched == ["msgspec-1.whl"]
@@ -71,7 +71,7 @@ def test_a_damaged_archive_of_the_cache_is_downloaded_again():
 def test_another_archive_than_the_pinned_one_is_refused():
     with pytest.raises(TaskRpcError, match=r"pyodide-1\.tgz: expected the \d+ bytes with the SHA"):
         runtime(None, print, lambda _: b"another one")
-    assert list(platform.cache_dir().iterdir()) == []
+    assert list(folders.cache_dir().iterdir()) == []
 
 
 def test_without_the_internet_one_line_names_the_way_out():

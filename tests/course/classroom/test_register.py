@@ -8,8 +8,9 @@ from concurrent.futures import ThreadPoolExecutor
 import pytest
 from msgspec.structs import replace
 
-from taskrpc.core import names, platform
+from taskrpc.core import names
 from taskrpc.core.security.roles import Role
+from taskrpc.core.system import private_files
 from taskrpc.course.classroom.authority import make_certificates
 from taskrpc.course.classroom.invitation import from_join_string
 from taskrpc.course.classroom.register import Place, Register, namespace_of
@@ -222,14 +223,14 @@ def test_wrong_name_for_the_next_group_costs_no_account(register):
 
 def test_program_that_ends_while_accounts_are_renewed_leaves_all_or_none(register, monkeypatch):
     register.add(["ada", "José"], 1e12)
-    write = platform.write_private
+    write = private_files.write_private
 
     def write_and_end(path, content, **options):
         write(path, content, **options)
         if path == register.accounts_file:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(platform, "write_private", write_and_end)
+    monkeypatch.setattr(private_files, "write_private", write_and_end)
     with pytest.raises(KeyboardInterrupt):
         register.renew(["zoe", "小明"], 2e12)
     assert [account.name for account in register.accounts()] == ["zoe", "student1"]

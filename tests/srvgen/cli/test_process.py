@@ -53,7 +53,7 @@ COMMANDS = [
 EARLY = {
     "srvgen": ["srvgen.cli.main", "argparse", "srvgen.cli.commands"],
     "taskrpc": ["taskrpc.cli.main", "argparse", "taskrpc.cli.ps"],
-    "taskrpc-call": ["taskrpc.cli.call", "taskrpc.core.platform", "asyncio"],
+    "taskrpc-call": ["taskrpc.cli.call", "taskrpc.core.system.os_errors", "asyncio"],
     "taskrpc-server": ["taskrpc.cli.server", "asyncio", "taskrpc.program", "taskrpc.robot"],
 }
 

@@ -6,9 +6,9 @@ import asyncio
 import ssl
 from collections.abc import Callable
 
-from taskrpc.core import platform
 from taskrpc.core.security.roles import account_of
 from taskrpc.core.security.tls import reason_of
+from taskrpc.core.system import os_errors, process_state
 from taskrpc.core.transport.connection.client_side import HANDSHAKE_LOST, CallingConnection
 from taskrpc.core.transport.network import Address, Network
 from taskrpc.errors import AuthenticationFailed, ConnectionLost, TaskRpcError
@@ -129,7 +129,7 @@ class Dialler:
         except ssl.SSLError as error:
             raise _unreached(address, f"no TLS connection: {reason_of(error)}") from None
         except OSError as error:
-            raise _unreached(address, platform.reason_of(error)) from None
+            raise _unreached(address, os_errors.reason_of(error)) from None
         except UnicodeError:
             raise _unreached(address, "not a valid host name") from None
         else:
@@ -148,7 +148,7 @@ def placed(place: str, error: TaskRpcError) -> str:
 
 def why_silent(address: Address) -> str:
     """Why a process of this machine does not answer, "" if the reason is unknown."""
-    if not address.pid or not platform.is_stopped(address.pid):
+    if not address.pid or not process_state.is_stopped(address.pid):
         return ""
     return (
         f"{address.script} (pid {address.pid}) {STOPPED}; `fg` in its terminal or"

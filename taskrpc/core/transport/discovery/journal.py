@@ -14,8 +14,8 @@ import zlib
 
 import msgspec
 
-from taskrpc.core import platform
 from taskrpc.core.security.private_folder import PrivateFolder
+from taskrpc.core.system import file_locks
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 
 _SLACK = 4096
@@ -43,7 +43,7 @@ class Journal:
     def __init__(self, folder: PrivateFolder, name: str) -> None:
         self._folder, self._name = folder, name
         self._descriptor = folder.open(name)
-        platform.lock(self._descriptor)
+        file_locks.lock(self._descriptor)
         self._number = 0
         """The number of the last line."""
         self._size = 0

@@ -17,8 +17,8 @@ import weakref
 from collections.abc import Iterator
 from pathlib import Path
 
-from taskrpc.core import platform
 from taskrpc.core.security.private_folder import PrivateFolder
+from taskrpc.core.system import file_locks, folders, process_state
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.core.transport.discovery.journal import TIME_STEP, Journal, JournalReader
 from taskrpc.core.transport.time_of_day import time_of_day
@@ -36,7 +36,7 @@ _numbers = itertools.count(1)
 
 def domain_folder(domain: int) -> PrivateFolder:
     """Open the folder of a domain's registry, and create it if necessary. Raises TaskRpcError."""
-    return PrivateFolder(platform.runtime_path(), f"domain_{domain}")
+    return PrivateFolder(folders.runtime_path(), f"domain_{domain}")
 
 
 class Registry:
@@ -102,7 +102,7 @@ class Registry:
         unclear = []
         for name in self._others():
             with contextlib.suppress(OSError), self._opened(name) as descriptor:
-                tracked = self._read(name, descriptor) if platform.is_locked(descriptor) else None
+                tracked = self._read(name, descriptor) if file_locks.is_locked(descriptor) else None
                 if tracked is not None:
                     found.append(tracked)
                 elif self._foreign.get(name) != _signature(descriptor):
@@ -125,7 +125,7 @@ class Registry:
         for name, (_, reader) in self._readers.items():
             if reader.tracked is not None and reader.tracked.about.pid == pid:
                 with contextlib.suppress(FileNotFoundError):  # its process has just ended
-                    if not platform.has_open(pid, self._folder.status(name)):
+                    if not process_state.has_open(pid, self._folder.status(name)):
                         return False
         return True
 
@@ -176,7 +176,7 @@ class Registry:
     def _refuse_second(self, claim: str) -> None:
         for name in self._others():
             with contextlib.suppress(OSError), self._opened(name) as descriptor:
-                if not platform.is_locked(descriptor):
+                if not file_locks.is_locked(descriptor):
                     continue
                 tracked = self._read(name, descriptor)
                 if tracked is not None and tracked.offers(claim):
@@ -221,7 +221,7 @@ class Registry:
             for name in names:
                 with contextlib.suppress(OSError):
                     with self._opened(name) as descriptor:
-                        alive = platform.is_locked(descriptor)
+                        alive = file_locks.is_locked(descriptor)
                         tracked = self._read(name, descriptor)
                         if tracked is None and not alive:
                             self._foreign[name] = _signature(descriptor)

@@ -6,7 +6,7 @@ import logging
 from collections import Counter
 from typing import TYPE_CHECKING, Protocol
 
-from taskrpc.core import platform
+from taskrpc.core.system import resources
 from taskrpc.errors import ServerBusy
 
 if TYPE_CHECKING:
@@ -71,7 +71,7 @@ class Admission:
     """
 
     def __init__(self) -> None:
-        descriptors = platform.descriptor_limit()
+        descriptors = resources.descriptor_limit()
         # The other descriptors are left for files, and for connections of this process.
         self._most = min(MAX_CONNECTIONS, descriptors * 3 // 4)
         self._most_unauthenticated = min(MAX_UNAUTHENTICATED, descriptors // 8)

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
-from taskrpc.core import platform
 from taskrpc.core.security.lab import Lab
 from taskrpc.core.security.roles import account_of
 from taskrpc.core.security.tls import ServerTls, Tls, common_name, digest, pinned_context
+from taskrpc.core.system import os_errors
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.core.transport.discovery.registry import Registry
 from taskrpc.core.transport.network import Address, Factory
@@ -352,6 +352,6 @@ def bound(host: str, port: int) -> socket.socket:
         sock.setblocking(False)
     except OSError as error:
         sock.close()
-        place, reason = join_place(host, port), platform.reason_of(error)
+        place, reason = join_place(host, port), os_errors.reason_of(error)
         raise CannotListen(f"cannot listen at {place}: {reason}") from None
     return sock

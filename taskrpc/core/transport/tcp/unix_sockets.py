@@ -6,15 +6,19 @@ import contextlib
 import os
 import socket
 import stat
+import struct
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from taskrpc.core import platform
+from taskrpc.core.system import file_locks, folders, private_files
 from taskrpc.core.wire.handshake import PeerCredentials
 from taskrpc.errors import CannotListen, PermissionDenied, TaskRpcError
 
 PREFIX = "unix:"
+
+_SOL_LOCAL, _LOCAL_PEERCRED = 0, 1  # macOS: the user at the other end of a unix socket
+_XUCRED = 76  # bytes of its value: version, user id, groups
 
 _PROBE_TIMEOUT = 1.0
 """Seconds in which an existing server must accept a connection."""
@@ -49,7 +53,7 @@ def bound_unix(place: str, name: str) -> tuple[socket.socket, str, os.stat_resul
     server is replaced. Raises CannotListen, also if a living server has the path.
     """
     own = place == PREFIX
-    path = Path(path_of(place)) if not own else platform.runtime_dir() / name
+    path = Path(path_of(place)) if not own else folders.runtime_dir() / name
     try:
         with _locked_folder(path) as folder:
             _clear(path, folder)
@@ -71,6 +75,18 @@ def remove_unix(path: str, made: os.stat_result) -> None:
             os.unlink(file.name, dir_fd=folder)
 
 
+def peer_user(sock: socket.socket) -> int | None:
+    """Return the user id of the program at the other end of a Unix socket, None if unknown."""
+    if hasattr(socket, "SO_PEERCRED"):
+        found = sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+        return int(struct.unpack("3i", found)[1])
+    if sys.platform == "darwin":
+        credentials = sock.getsockopt(_SOL_LOCAL, _LOCAL_PEERCRED, _XUCRED)
+        return int(struct.unpack_from("2I", credentials)[1])
+    else:
+        return None
+
+
 def unix_peer_credentials(
     sock: socket.socket, *, serving: bool, has_accounts: bool
 ) -> PeerCredentials | None:
@@ -78,8 +94,8 @@ def unix_peer_credentials(
 
     Raises PermissionDenied if a program of another user calls a server without accounts.
     """
-    uid = platform.peer_user(sock)
-    if uid is not None and (uid == 0 or platform.is_this_user(uid)):
+    uid = peer_user(sock)
+    if uid is not None and (uid == 0 or private_files.is_this_user(uid)):
         return PeerCredentials("", is_owner=True)
     if serving and not has_accounts:
         raise PermissionDenied("this socket is for programs of its own user only")
@@ -97,11 +113,11 @@ def _locked_folder(path: Path) -> Iterator[int]:
     Another user may be able to put another folder in its place. So files are removed and changed
     only through the descriptor, which this yields. Raises TaskRpcError and OSError.
     """
-    folder = platform.open_checked_dir(path.parent)
+    folder = private_files.open_checked_dir(path.parent)
     try:
-        lock = platform.open_private(_lock_of(path), dir_fd=folder)
+        lock = private_files.open_private(_lock_of(path), dir_fd=folder)
         try:
-            platform.lock(lock)
+            file_locks.lock(lock)
             yield folder
         finally:
             os.close(lock)
@@ -147,7 +163,7 @@ def _bound(path: Path, folder: int) -> socket.socket:
     try:
         sock.bind(str(path))
         # The umask may allow more; until this call, the private folder keeps other users out.
-        platform.set_mode(path.name, 0o600, dir_fd=folder)
+        private_files.set_mode(path.name, 0o600, dir_fd=folder)
         sock.listen(BACKLOG)
         sock.setblocking(False)
     except BaseException:

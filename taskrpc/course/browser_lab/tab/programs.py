@@ -17,7 +17,7 @@ from typing import Any, Final, Self, cast
 
 from taskrpc.core.transport import shared_endpoint
 from taskrpc.course.browser_lab.tab.threads import Handle, Scheduler
-from taskrpc.spi import platform
+from taskrpc.spi import current_program
 
 FOLDER: Final = Path("/lab")
 """The folder of the student's files, in the worker's memory."""
@@ -55,7 +55,7 @@ class Programs:
 
     def write(self, text: str, *, is_error: bool) -> None:
         """Write text to the output of the running program, or to the browser's console."""
-        program = self.by_name.get(platform.program.get())
+        program = self.by_name.get(current_program.get())
         if program is None:
             self.emit("console", text=text)
         else:
@@ -109,7 +109,7 @@ class Program:
     def begin(self) -> None:
         """Run it; the page is told when it ends."""
         context = Context()
-        context.run(platform.program.set, self.name)
+        context.run(current_program.set, self.name)
         self._programs.emit("started", program=self.name, file=self.file)
         context.run(self._programs.scheduler.start, self._main, Handle())
 
@@ -240,7 +240,7 @@ class Program:
             if getattr(task.get_coro(), "__name__", "") == _SUSPENDED:
                 continue  # a thread waits here; SystemExit ends it
             context = cast("Any", task).get_context()  # new in Python 3.12
-            if context.get(platform.program) == self.name and task is not asyncio.current_task():
+            if context.get(current_program) == self.name and task is not asyncio.current_task():
                 task.cancel()
 
 
@@ -282,7 +282,7 @@ class _Runner:
         scheduler = self._programs.scheduler
         if not scheduler.can_wait:
             task = scheduler.loop.create_task(main, context=context)
-            self._programs.by_name[platform.program.get()].tasks.append(task)
+            self._programs.by_name[current_program.get()].tasks.append(task)
             return None
         future = asyncio.run_coroutine_threadsafe(main, scheduler.loop)
         try:

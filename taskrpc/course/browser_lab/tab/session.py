@@ -20,7 +20,7 @@ from taskrpc.course.labs import catalogue
 from taskrpc.course.labs.grading import findings
 from taskrpc.course.labs.variants import Variant
 from taskrpc.errors import TaskRpcError
-from taskrpc.spi import platform
+from taskrpc.spi import current_program
 
 _IMPORTED = tuple(f"taskrpc.ros.packages.rclpy{each}" for each in ("", ".executors", ".node"))
 """What nearly every program imports; importing it in advance saves each first run seconds."""
@@ -103,7 +103,7 @@ class Session:
         self.emit("stopped", programs=programs)
 
     async def _do_robot(self) -> None:
-        platform.program.set("robot")
+        current_program.set("robot")
         self._robot = TabRobot(self.emit)
         async with self._robot.running():
             await self._loop.create_future()  # as long as the worker lives

@@ -21,7 +21,7 @@ from types import TracebackType
 from typing import Any, Final
 
 from taskrpc.errors import TaskRpcError, WouldDeadlock
-from taskrpc.spi import platform
+from taskrpc.spi import current_program
 
 TIME_SLICE: Final = 0.02
 """Seconds after which a thread that never waits lets others run, when it takes a lock."""
@@ -109,7 +109,7 @@ class Scheduler:
         """Start a thread, in a copy of the caller's context."""
         self._last_ident += 1
         handle.ident = self._last_ident
-        stack = self._stacks[handle.ident] = Stack(handle.ident, platform.program.get())
+        stack = self._stacks[handle.ident] = Stack(handle.ident, current_program.get())
         self.loop.call_soon(self._run, stack, run, handle, context=copy_context())
 
     def idents(self, program: str) -> list[int]:

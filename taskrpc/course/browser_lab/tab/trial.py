@@ -16,7 +16,7 @@ from taskrpc.course.labs.grading import NewTrial
 from taskrpc.course.labs.lab import NotMet
 from taskrpc.course.labs.variants import Variant
 from taskrpc.node import Node
-from taskrpc.spi import platform
+from taskrpc.spi import current_program
 
 _DOMAIN = "ROS_DOMAIN_ID"
 _domains = itertools.cycle(range(1, 233))
@@ -69,7 +69,7 @@ def trials(programs: Programs, variant: Variant) -> NewTrial:
     async def new_trial() -> AsyncIterator[TabTrial]:
         domain = next(_domains)
         before, os.environ[_DOMAIN] = os.environ.get(_DOMAIN), str(domain)
-        name = platform.program.set(f"check {domain}")
+        name = current_program.set(f"check {domain}")
         try:
             async with Node("checks", transport="memory") as node:
                 trial = TabTrial(programs, variant, node)
@@ -78,7 +78,7 @@ def trials(programs: Programs, variant: Variant) -> NewTrial:
                 finally:
                     await trial.end()
         finally:
-            platform.program.reset(name)
+            current_program.reset(name)
             if before is None:
                 del os.environ[_DOMAIN]
             else:

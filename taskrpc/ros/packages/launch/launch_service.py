@@ -10,7 +10,7 @@ import traceback
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from taskrpc.core.platform import stop_signals
+from taskrpc.spi import signals
 
 from .event import Event
 from .event_handlers import OnIncludeLaunchDescription, OnShutdown
@@ -99,7 +99,7 @@ class LaunchService:
         self._new_event = asyncio.Event()
         self._context.on_event = self._new_event.set
         try:
-            with stop_signals(self._stopped), self._other_signals():
+            with signals.stop_signals(self._stopped), self._other_signals():
                 await self._process_events(shutdown_when_idle)
                 await asyncio.gather(*(end() for end in self._context.at_end))
         finally:

@@ -238,9 +238,9 @@ def parameter_dict_from_yaml_file(
     Raises:
         RuntimeError: the file has no parameters for these nodes, or is not a parameter file.
     """
-    from taskrpc.spi import platform, yaml_text
+    from taskrpc.spi import read_text, yaml_text
 
-    text = platform.read_text(parameter_file)
+    text = read_text(parameter_file)
     nodes = list(_nodes(yaml_text.load(text) or {}))
     found: dict[str, Any] = {}
     chosen = False

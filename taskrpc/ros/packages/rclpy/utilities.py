@@ -6,20 +6,20 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from taskrpc.spi import platform
+from taskrpc.spi import current_program
 
 from ._impl.arguments import parse
 from .constants import S_TO_NS
 from .context import Context
 
 _default_contexts: dict[str, Context] = {}
-"""The default context of each program; see `taskrpc.core.platform.program`."""
+"""The default context of each program; see `taskrpc.core.current_program`."""
 _lock = threading.Lock()
 
 
 def get_default_context(*, shutting_down: bool = False) -> Context:
     """The context that `rclpy.init()` initialises; `shutting_down` forgets it."""
-    program = platform.program.get()
+    program = current_program.get()
     with _lock:
         context = _default_contexts.pop(program, None) or Context()
         if not shutting_down:

@@ -71,7 +71,7 @@ async def failure(address, in_handshake=None, *, in_dialling=None):
 
 @pytest.mark.parametrize("error", [None, ConnectionLost("no handshake within 3 s")])
 async def test_error_names_a_stopped_process_and_how_to_continue_it(monkeypatch, error):
-    monkeypatch.setattr("taskrpc.core.platform.is_stopped", lambda pid: pid == 4711)
+    monkeypatch.setattr("taskrpc.core.system.process_state.is_stopped", lambda pid: pid == 4711)
     found = await failure(HERE, error)
     assert isinstance(found, ConnectionLost)
     assert found.not_executed
@@ -82,7 +82,7 @@ async def test_error_names_a_stopped_process_and_how_to_continue_it(monkeypatch,
 
 
 async def test_silent_process_that_is_not_stopped_is_not_called_stopped(monkeypatch):
-    monkeypatch.setattr("taskrpc.core.platform.is_stopped", lambda _: False)
+    monkeypatch.setattr("taskrpc.core.system.process_state.is_stopped", lambda _: False)
     assert str(await failure(HERE)) == f"{PLACE}: it did not respond"
 
 

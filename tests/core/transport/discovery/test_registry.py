@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 import taskrpc
-from taskrpc.core import platform
+from taskrpc.core.system import file_locks, private_files
 from taskrpc.core.transport.discovery import registry as registry_module
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.core.transport.discovery.journal import line_of
@@ -192,8 +192,8 @@ def test_a_reader_never_sees_half_an_entry(registry):
 )
 def test_an_unreadable_entry_of_a_living_process_is_passed_over(registry, contents):
     path = registry._folder.path / "2-odd.json"
-    descriptor = platform.open_private(path)
-    platform.lock(descriptor)
+    descriptor = private_files.open_private(path)
+    file_locks.lock(descriptor)
     os.write(descriptor, contents)
     publish(registry, entry())
     assert registry.entries() == [entry()]

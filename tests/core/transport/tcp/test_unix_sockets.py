@@ -11,8 +11,9 @@ import pytest
 
 import taskrpc
 from taskrpc import Account, Accounts
-from taskrpc.core import platform
+from taskrpc.core.system import file_locks, folders
 from taskrpc.core.transport.tcp import unix_sockets
+from taskrpc.core.transport.tcp.unix_sockets import peer_user
 from tests.core.transport.helpers import Add, add, ask, outcome
 
 HAS_UNIX = hasattr(socket, "AF_UNIX") and os.name == "posix"
@@ -96,7 +97,7 @@ async def test_unix_alone_is_a_socket_in_the_runtime_folder():
     ):
         server.create_service(Add, "add", add)
         path = Path(server.address.removeprefix("unix:"))
-        assert path.parent == platform.runtime_dir()
+        assert path.parent == folders.runtime_dir()
         assert (await call(local)).sum == 5
     assert not path.exists()
 
@@ -119,7 +120,7 @@ async def test_accounts_are_recognised_on_a_unix_socket(folder):
 
 
 async def test_the_system_identifies_and_refuses_another_user(folder, monkeypatch):
-    monkeypatch.setattr(platform, "peer_user", lambda sock: os.getuid() + 1)
+    monkeypatch.setattr(unix_sockets, "peer_user", lambda sock: os.getuid() + 1)
     place = f"unix:{folder}/robot.sock"
     async with (
         taskrpc.Node("server", listen=place) as server,
@@ -134,7 +135,7 @@ async def test_another_user_may_call_with_an_account_but_not_without(folder, mon
     place = f"unix:{folder}/robot.sock"
     async with taskrpc.Node("server", listen=place, accounts=Accounts([ANA])) as server:
         server.create_service(Add, "add", add)
-        monkeypatch.setattr(platform, "peer_user", lambda sock: os.getuid() + 1)
+        monkeypatch.setattr(unix_sockets, "peer_user", lambda sock: os.getuid() + 1)
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(folder))
         async with (
             taskrpc.Node("ana", peers=[place], token=ANA.token) as ana,
@@ -147,7 +148,7 @@ async def test_another_user_may_call_with_an_account_but_not_without(folder, mon
 def test_the_system_identifies_the_peer():
     left, right = socket.socketpair(socket.AF_UNIX)
     with left, right:
-        assert platform.peer_user(left) in (os.getuid(), None)
+        assert peer_user(left) in (os.getuid(), None)
 
 
 async def test_the_socket_of_a_dead_server_is_replaced(folder):
@@ -220,14 +221,14 @@ def test_nothing_is_removed_from_another_folder_that_takes_the_checked_ones_plac
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(other / "robot.sock"))
     (other / "robot.sock").chmod(0o666)
-    lock = platform.lock
+    lock = file_locks.lock
 
     def lock_and_replace(descriptor):
         lock(descriptor)
         own.rename(folder / "away")
         own.symlink_to(other)
 
-    monkeypatch.setattr(platform, "lock", lock_and_replace)
+    monkeypatch.setattr(file_locks, "lock", lock_and_replace)
     with pytest.raises(taskrpc.CannotListen, match="cannot listen at"):
         unix_sockets.bound_unix(f"unix:{own}/robot.sock", "")
     assert (mode(other / "robot.sock"), mode(other)) == (0o666, 0o755)

@@ -11,7 +11,7 @@ import itertools
 import pytest
 
 from taskrpc import WouldDeadlock
-from taskrpc.core import platform
+from taskrpc.core.current_program import current_program
 from taskrpc.course.browser_lab.tab import threads
 from taskrpc.course.browser_lab.tab.threads import CannotWait, Handle, Lock, Scheduler
 
@@ -129,11 +129,11 @@ def test_an_interrupt_is_raised_where_the_thread_waits(tab):
 
 
 def test_threads_have_numbers_and_belong_to_the_program_that_started_them(tab):
-    name = platform.program.set("a program")
+    name = current_program.set("a program")
     try:
         assert run(tab, lambda: (tab.idents("a program"), [tab.get_ident()]))[0]
     finally:
-        platform.program.reset(name)
+        current_program.reset(name)
     assert tab.idents("a program") == []
 
 

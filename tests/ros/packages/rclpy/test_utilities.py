@@ -6,7 +6,7 @@ from contextvars import copy_context
 
 import pytest
 
-from taskrpc.core import platform
+from taskrpc.core.current_program import current_program
 from taskrpc.ros.packages import rclpy
 from taskrpc.ros.packages.rclpy import signals, utilities
 from taskrpc.ros.packages.rclpy.exceptions import RCLError
@@ -69,7 +69,7 @@ def test_the_global_executor_ends_with_its_context():
 
 def test_programs_in_one_interpreter_have_default_contexts_and_executors_of_their_own():
     def program(name):
-        platform.program.set(name)
+        current_program.set(name)
         rclpy.init(args=[])
         return rclpy.get_default_context(), rclpy.get_global_executor()
 

@@ -8,8 +8,8 @@ import signal
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from taskrpc.core.platform import reason_of
 from taskrpc.ros.process_tree import ProcessTree
+from taskrpc.spi import os_errors
 
 from ..action import Action
 from ..conditions import evaluate_condition_expression
@@ -289,7 +289,7 @@ class ExecuteLocal(Action):
         except (OSError, ValueError) as error:  # ValueError: a word contains a null character
             place = f" in {prepared.cwd}" if prepared.cwd else ""
             first = prepared.shown[0]
-            reason = reason_of(error) if isinstance(error, OSError) else str(error)
+            reason = os_errors.reason_of(error) if isinstance(error, OSError) else str(error)
             if isinstance(error, FileNotFoundError) and " " in first:
                 reason += " (each word of a command is an item of `cmd`, without `shell=True`)"
             logger.error(f"cannot start '{first}'{place}: {reason}; the other programs continue")

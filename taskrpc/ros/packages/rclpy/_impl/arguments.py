@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from taskrpc.errors import InvalidName
-from taskrpc.spi import names, platform
+from taskrpc.spi import names, read_text
 
 from ..exceptions import RCLInvalidROSArgsError, UnknownROSArgsError
 
@@ -216,7 +216,7 @@ def _take_file(found: Arguments, path: str) -> None:
     from .parameters.yaml_parameters import read_file
 
     try:
-        text = platform.read_text(path)
+        text = read_text(path)
     except (OSError, UnicodeDecodeError):
         raise ValueError("Error opening YAML file") from None
     for node, values in read_file(text).items():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from taskrpc import sync
 from taskrpc.errors import NameInUse, ServiceUnavailable, WouldDeadlock
-from taskrpc.spi import names, platform
+from taskrpc.spi import current_program, names
 
 from .diagnostics.explain import like_ros, two_servers
 
@@ -221,7 +221,7 @@ class _Shared:
     @classmethod
     def of(cls, bridge: Bridge, srv_type: Any, name: str) -> _Shared:
         """The servers of this name; a new object for the first one."""
-        key = (platform.program.get(), bridge.domain_id, name)
+        key = (current_program.get(), bridge.domain_id, name)
         with cls._guard:
             known = cls._all.get(key)
             if known is None or known._srv_type is not srv_type:

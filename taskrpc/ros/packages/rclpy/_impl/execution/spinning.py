@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Self
 
-from taskrpc.spi import platform
+from taskrpc.spi import current_program
 
 from ... import signals, utilities
 from ...context import Context
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ...node import Node
 
 _executors: dict[str, Executor] = {}
-"""The global executor of each program; see `taskrpc.core.platform.program`."""
+"""The global executor of each program; see `taskrpc.core.current_program`."""
 
 
 class InitContextManager:
@@ -69,7 +69,7 @@ def init(
 
 def get_global_executor() -> Executor:
     """The executor of `spin`, `spin_once` and `spin_until_future_complete`."""
-    program = platform.program.get()
+    program = current_program.get()
     if (known := _executors.get(program)) is not None:
         return known
     from ...executors import SingleThreadedExecutor

@@ -10,7 +10,7 @@ import weakref
 from collections.abc import Callable
 from typing import TextIO
 
-from taskrpc.spi import platform
+from taskrpc.spi import current_program
 
 from ...impl.logging_severity import LoggingSeverity
 from ..arguments import Arguments
@@ -158,7 +158,7 @@ def add_rosout(name: str, publish: Callable[[Record], None]) -> None:
 
     Only a weak reference is kept. Like ROS, this warns of a second node of the same name.
     """
-    key = (platform.program.get(), name)
+    key = (current_program.get(), name)
     if key in _rosout and _rosout[key]() is not None:
         warn(
             "rcl.logging_rosout",
@@ -174,7 +174,7 @@ def add_rosout(name: str, publish: Callable[[Record], None]) -> None:
 
 def remove_rosout(name: str) -> None:
     """Stop publishing the lines of a logger: its node is destroyed."""
-    _rosout.pop((platform.program.get(), name), None)
+    _rosout.pop((current_program.get(), name), None)
 
 
 def warn(name: str, message: str) -> None:
@@ -197,7 +197,7 @@ def log(record: Record) -> None:
 
 
 def _publish(record: Record) -> None:
-    program, name = platform.program.get(), record.name
+    program, name = current_program.get(), record.name
     while name:
         if (known := _rosout.get((program, name))) is not None and (publish := known()) is not None:
             publish(record)
