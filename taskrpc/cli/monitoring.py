@@ -14,7 +14,8 @@ import srvgen
 from taskrpc import Observers, Role
 from taskrpc.cli.shared.page_link import NotedLink, PageLink
 from taskrpc.cli.shared.remote import Remote
-from taskrpc.course.classroom.register import Register, own_addresses
+from taskrpc.course.classroom.own_addresses import own_addresses
+from taskrpc.course.classroom.register import Register
 from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
 from taskrpc.observe.metrics import Metrics
@@ -211,4 +212,4 @@ class Monitoring:
 
 def _names(class_folder: str | None) -> Sequence[str]:
     """Return the names at which other machines reach this one, as the join strings have them."""
-    return own_addresses() if class_folder is None else Register(Path(class_folder)).place.hosts
+    return own_addresses() if class_folder is None else Register(Path(class_folder)).server.hosts

@@ -11,7 +11,8 @@ import trustme
 import srvgen
 import taskrpc
 import taskrpc.sync
-from taskrpc.course.classroom.register import Place, Register
+from taskrpc.course.classroom.class_server import ClassServer
+from taskrpc.course.classroom.register import Register
 from tests.browser.legible import SIZES, all_faults
 from tests.browser.live_page import LivePage
 
@@ -24,7 +25,7 @@ SOON_STUCK = "import taskrpc.course.classroom.progress as progress; progress.STU
 def register(tmp_path):
     """A class with a student and an account that only sees."""
     register = Register(tmp_path / "class")
-    register.place = Place(("127.0.0.1",), 7450)
+    register.server = ClassServer(("127.0.0.1",), 7450)
     register.add(["ada", "guest@lab"], LATER)
     rows = json.loads(register.accounts_file.read_bytes())
     rows["accounts"]["guest@lab"] = {

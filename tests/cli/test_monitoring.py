@@ -12,7 +12,8 @@ import taskrpc
 from taskrpc.cli import monitoring
 from taskrpc.cli.monitoring import Monitoring
 from taskrpc.cli.shared.remote import Remote
-from taskrpc.course.classroom.register import Place, Register
+from taskrpc.course.classroom.class_server import ClassServer
+from taskrpc.course.classroom.register import Register
 from taskrpc.observe.web import server as web_server
 from taskrpc.robot.tasks import MemoryStore, TaskServer
 from tests.observe.web.reverse_proxy import reverse_proxy
@@ -246,7 +247,7 @@ async def test_page_for_all_addresses_has_the_address_that_laptops_use(
     of_a_class, tls, tmp_path, monkeypatch
 ):
     monkeypatch.setattr(monitoring, "own_addresses", lambda: ["192.0.2.1", "192.0.2.2"])
-    Register(tmp_path / "class").place = Place(("robot.lab", "192.0.2.2"), 7450)
+    Register(tmp_path / "class").server = ClassServer(("robot.lab", "192.0.2.2"), 7450)
     async with taskrpc.Node("task_server", transport="memory") as node:
         server = TaskServer(node, LineRobot(), MemoryStore())
         watch = Monitoring("0.0.0.0:0", Remote(tls=tls, token=SECRET), None)

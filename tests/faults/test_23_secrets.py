@@ -315,13 +315,14 @@ def writes_for_everybody(patch):
 def test_files_of_a_class_cannot_be_read_by_others(counts, tmp_path):
     """Under every umask, and also if their folder is readable by others."""
     from taskrpc.course.classroom.authority import make_certificates
-    from taskrpc.course.classroom.register import Place, Register
+    from taskrpc.course.classroom.class_server import ClassServer
+    from taskrpc.course.classroom.register import Register
 
     before = os.umask(0)
     try:
         lab = tmp_path / "lab"
         register = Register(lab)
-        register.place = Place(("192.0.2.7",), 7450)
+        register.server = ClassServer(("192.0.2.7",), 7450)
         make_certificates(lab, ["localhost"], datetime.datetime.now(datetime.UTC))
         register.add(["ana"], expires=0.0)
     finally:

@@ -19,13 +19,13 @@ def serve_to_class(register: Register, options: argparse.Namespace) -> Exit:
 
     Raises TaskRpcError if there is no class, or the page has no Pyodide.
     """
-    place, made = register.place, register.certificates
+    class_server, made = register.server, register.certificates
     files = files_of_the_page(options.pyodide)
     context = Tls(cert=made.cert, key=made.key).server_context()
     port = PORT if options.port is None else options.port
     with LabServer(files, port, host=_EVERYWHERE, context=context) as server:
         _say("on each laptop, open this address in a browser:")
-        for host in place.hosts:
+        for host in class_server.hosts:
             print(server.url_at(host), flush=True)
         _say(
             "the browser warns, because it does not know the class's certificate; continue if the"

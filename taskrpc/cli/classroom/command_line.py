@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     from taskrpc import Account
     from taskrpc.cli.shared.parsing import Commands
-    from taskrpc.course.classroom.register import Place, Register
+    from taskrpc.course.classroom.class_server import ClassServer
+    from taskrpc.course.classroom.register import Register
 
 _PORT = 7450
 _DAYS = 180
@@ -115,7 +116,7 @@ def _add_reset(commands: Commands) -> None:
 
 
 def _host(text: str) -> str:
-    from taskrpc.course.classroom.register import is_host
+    from taskrpc.course.classroom.own_addresses import is_host
 
     if not is_host(text):
         raise argparse.ArgumentTypeError(f"expected a host name or an address, got {text!r}")
@@ -139,11 +140,11 @@ def _python(text: str) -> str:
 
 def _make(options: argparse.Namespace) -> Exit:
     register = _register()
-    place = _place(options, register)
+    server = _server(options, register)
     made = register.certificates
     if options.renew or not made.cert.exists():
-        _make_certificates(register, place)
-    register.place = place
+        _make_certificates(register, server)
+    register.server = server
     accounts = register.accounts()
     if options.students or not accounts:
         names = _students(options.students) if options.students else [_CLASS]
@@ -157,7 +158,7 @@ def _make(options: argparse.Namespace) -> Exit:
     # new strings and the string that all students share.
     if options.students or len(accounts) == 1:
         _print_strings(register, accounts)
-    return _serve(register, place, options)
+    return _serve(register, server, options)
 
 
 def _register() -> Register:
@@ -167,8 +168,9 @@ def _register() -> Register:
     return Register(folders.state_dir() / "classroom")
 
 
-def _place(options: argparse.Namespace, register: Register) -> Place:
-    from taskrpc.course.classroom.register import Place, own_addresses
+def _server(options: argparse.Namespace, register: Register) -> ClassServer:
+    from taskrpc.course.classroom.class_server import ClassServer
+    from taskrpc.course.classroom.own_addresses import own_addresses
     from taskrpc.spi import domain_id
 
     hosts = options.address or own_addresses()
@@ -179,14 +181,14 @@ def _place(options: argparse.Namespace, register: Register) -> Place:
         )
     robots = options.robots or register.robots
     port = options.port or register.port or _PORT
-    return Place(tuple(hosts), port, domain_id(), robots)
+    return ClassServer(tuple(hosts), port, domain_id(), robots)
 
 
-def _make_certificates(register: Register, place: Place) -> None:
+def _make_certificates(register: Register, server: ClassServer) -> None:
     from taskrpc.course.classroom.authority import make_certificates
-    from taskrpc.course.classroom.register import own_names
+    from taskrpc.course.classroom.own_addresses import own_names
 
-    names = list(dict.fromkeys([*place.hosts, *own_names()]))
+    names = list(dict.fromkeys([*server.hosts, *own_names()]))
     make_certificates(register.folder, names, datetime.datetime.now(datetime.UTC))
     print(f"certificates are in {register.folder}", file=sys.stderr)
 
@@ -199,7 +201,7 @@ def _students(given: str) -> list[str]:
             problem = f"expected a number from 1 to {_MOST_STUDENTS}, got {given[:20]}"
             raise TaskRpcError(f"--students: {problem}")
         return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
-    from taskrpc.course.classroom.register import cleaned, student_name_problem
+    from taskrpc.course.classroom.student_names import cleaned, student_name_problem
     from taskrpc.spi import read_text
 
     try:
@@ -238,27 +240,27 @@ def _print_strings(register: Register, accounts: Sequence[Account]) -> None:
         print(f"{name}{register.join_string(account)}", flush=True)
 
 
-def _serve(register: Register, place: Place, options: argparse.Namespace) -> Exit:
-    from taskrpc.cli import server
+def _serve(register: Register, server: ClassServer, options: argparse.Namespace) -> Exit:
+    from taskrpc.cli import server as task_server
 
     made = register.certificates
     arguments = [
-        *("--listen", f"0.0.0.0:{place.port}"),
+        *("--listen", f"0.0.0.0:{server.port}"),
         *("--tls-cert", str(made.cert), "--tls-key", str(made.key)),
         *("--accounts", str(register.accounts_file)),
         *("--attendance", str(register.attendance_file)),
         *("--share", str(options.share)),
         *("--class", str(register.folder)),
         *(("--web", options.web) if options.web else ()),
-        *(("--robots", str(place.robots)) if place.robots > 1 else ()),
+        *(("--robots", str(server.robots)) if server.robots > 1 else ()),
         *(options.serve or ()),
     ]
-    return Exit(server.main(arguments))
+    return Exit(task_server.main(arguments))
 
 
 def _add(options: argparse.Namespace) -> Exit:
     register = _register()
-    assert register.place  # raises TaskRpcError if there is no class
+    assert register.server  # raises TaskRpcError if there is no class
     accounts = register.add(options.names, time.time() + options.days * _DAY)
     _print_strings(register, accounts)
     return Exit.DONE
@@ -284,7 +286,7 @@ def _reset(options: argparse.Namespace) -> Exit:
     from taskrpc.spi import robot_namespace
 
     register = _register()
-    assert register.place  # raises TaskRpcError if there is no class
+    assert register.server  # raises TaskRpcError if there is no class
     names = _students(options.students) if options.students else None
     if options.db and not Path(options.db).exists():
         raise TaskRpcError(f"--db: expected the database of the class, got {options.db}: no file")

@@ -11,7 +11,7 @@ import pytest
 from taskrpc.cli.classroom import command_line
 from taskrpc.cli.main import main
 from taskrpc.core.security import lab
-from taskrpc.course.classroom import register
+from taskrpc.course.classroom import own_addresses
 from taskrpc.course.classroom.attendance import Attendance
 from taskrpc.course.classroom.invitation import from_join_string
 
@@ -128,15 +128,17 @@ def test_students_are_added_and_revoked_later(make, say):
 
 
 def test_the_addresses_of_this_machine_are_found(say, monkeypatch):
-    monkeypatch.setattr(register, "_outgoing", lambda: ["10.1.2.3", "127.0.0.1"])
-    monkeypatch.setattr(register, "_of_host_name", lambda: ["127.0.1.1", "10.1.2.3", "192.168.5.6"])
+    monkeypatch.setattr(own_addresses, "_outgoing", lambda: ["10.1.2.3", "127.0.0.1"])
+    monkeypatch.setattr(
+        own_addresses, "_of_host_name", lambda: ["127.0.1.1", "10.1.2.3", "192.168.5.6"]
+    )
     found = from_join_string(say("classroom"))
     assert found.places == ("10.1.2.3:7450", "192.168.5.6:7450")
 
 
 def test_machine_without_a_network_is_reported(say, monkeypatch):
-    monkeypatch.setattr(register, "_outgoing", list)
-    monkeypatch.setattr(register, "_of_host_name", lambda: ["127.0.1.1"])
+    monkeypatch.setattr(own_addresses, "_outgoing", list)
+    monkeypatch.setattr(own_addresses, "_of_host_name", lambda: ["127.0.1.1"])
     said = say("classroom", code=1)
     assert "no address in a network" in said
     assert "--address HOST" in said

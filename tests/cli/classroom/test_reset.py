@@ -15,7 +15,8 @@ from taskrpc.cli.shared.task_database import default_database
 from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.core.wire.messages import ServiceEndpoint
 from taskrpc.course.classroom.attendance import Attendance, last_calls
-from taskrpc.course.classroom.register import Place, Register
+from taskrpc.course.classroom.class_server import ClassServer
+from taskrpc.course.classroom.register import Register
 from taskrpc.robot.tasks.model import Task, TaskState
 from taskrpc.robot.tasks.records.sqlite_store import SqliteStore
 
@@ -25,7 +26,7 @@ def register(monkeypatch):
     """The class of this user, with a student who called."""
     monkeypatch.setattr(reset, "REFRESH", 0.0)
     register = command_line._register()
-    register.place = Place(("192.0.2.7",), 7450)
+    register.server = ClassServer(("192.0.2.7",), 7450)
     make_place(register)
     register.add(["ada"], 4e9)
     attendance = Attendance(register.attendance_file, lambda: 99.0)

@@ -1,9 +1,15 @@
-"""Valid names of students, and the accounts that are derived from them."""
+"""Valid names of students, and the accounts and namespaces that are derived from them."""
 
 import pytest
 
+from taskrpc.core import names
 from taskrpc.core.security.roles import account_name_problem
-from taskrpc.course.classroom.register import account_for, cleaned, student_name_problem
+from taskrpc.course.classroom.student_names import (
+    account_for,
+    cleaned,
+    namespace_of,
+    student_name_problem,
+)
 
 
 @pytest.mark.parametrize(
@@ -45,3 +51,12 @@ def test_invalid_student_name_is_refused(name):
 
 def test_repeated_spaces_become_single():
     assert cleaned("  Ada \t Lovelace\u00a0 ") == "Ada Lovelace"
+
+
+@pytest.mark.parametrize(
+    ("name", "namespace"),
+    [("ada", "/ada"), ("ada@uni.example", "/ada_uni_example"), ("7b", "/s_7b"), ("_x", "/s__x")],
+)
+def test_every_name_gives_a_valid_namespace(name, namespace):
+    assert namespace_of(name) == namespace
+    assert names.check_namespace(namespace) == namespace
