@@ -139,8 +139,8 @@ def as_text(problem: DefinitionError) -> str:
 
 def looked_in(problems: Iterable[DefinitionError]) -> list[str]:
     """One line with all places that were searched for missing types; no line if there are none."""
-    places = list(dict.fromkeys(place for problem in problems for place in problem.looked_in))
-    return [f"  looked in: {', '.join(places)}"] if places else []
+    searched = list(dict.fromkeys(each for problem in problems for each in problem.looked_in))
+    return [f"  looked in: {', '.join(searched)}"] if searched else []
 
 
 def _pointed_at(line: str, column: int) -> list[str]:

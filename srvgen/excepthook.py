@@ -185,8 +185,8 @@ def messages_of(
         return []
     found = []
     for each in errors:
-        place = program_line(each.__traceback__) or program_line(error.__traceback__)
-        message = f"{location(*place) if place else ''}{type(each).__name__}: {each}"
+        where = program_line(each.__traceback__) or program_line(error.__traceback__)
+        message = f"{location(*where) if where else ''}{type(each).__name__}: {each}"
         notes = getattr(each, "__notes__", ()) or filter(None, [hint(each)])
         found.append("\n  hint: ".join([message, *notes]))
     return found
@@ -214,13 +214,13 @@ def program_line(traceback: TracebackType | None) -> tuple[str, int] | None:
 
     folders = [sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")]
     libraries = *_OWN_PACKAGES, *(os.path.join(folder, "") for folder in folders)
-    place = None
+    where = None
     while traceback is not None:
         file = traceback.tb_frame.f_code.co_filename
         if not file.startswith(("<", *libraries)):
-            place = file, traceback.tb_lineno
+            where = file, traceback.tb_lineno
         traceback = traceback.tb_next
-    return place
+    return where
 
 
 def _location(file: str, line: int) -> str:

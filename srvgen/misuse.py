@@ -154,8 +154,8 @@ def _failed(traceback: TracebackType | None) -> tuple[FrameType | None, ast.expr
     if last is None:
         return None, None
     code = last.tb_frame.f_code
-    place = next(islice(code.co_positions(), last.tb_lasti // 2, None), (None,) * 4)
-    line, end_line, column, end_column = place
+    position = next(islice(code.co_positions(), last.tb_lasti // 2, None), (None,) * 4)
+    line, end_line, column, end_column = position
     if line is None or end_line is None or column is None or end_column is None:
         return None, None
     lines = linecache.getlines(code.co_filename, last.tb_frame.f_globals)[line - 1 : end_line]

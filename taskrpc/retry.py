@@ -96,12 +96,12 @@ class RetryBudget:
             self.spent += 1
             self.booked += 1
             return wait
-        place = max(now, self._next_floor) + 1 / _BUDGET_FLOOR
-        if place >= latest:
-            return None  # do not book it: calls with a later deadline can use this place
-        self._next_floor = place
+        slot = max(now, self._next_floor) + 1 / _BUDGET_FLOOR
+        if slot >= latest:
+            return None  # do not book it: calls with a later deadline can use this slot
+        self._next_floor = slot
         self.booked += 1
-        return max(wait, place - now)
+        return max(wait, slot - now)
 
 
 def reconnect_delay(failures: int, chance: float) -> float:

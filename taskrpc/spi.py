@@ -102,10 +102,10 @@ if TYPE_CHECKING:
     from taskrpc.core.transport.tcp.listening import Listener
     from taskrpc.core.transport.tcp.tcp_network import (
         TcpNetwork,
+        address_here,
         is_loopback,
-        join_place,
-        place_here,
-        split_place,
+        join_address,
+        split_address,
     )
     from taskrpc.core.transport.tcp.unix_sockets import checked_unix, is_unix, path_of
     from taskrpc.core.transport.time_of_day import time_of_day, time_of_day_ns
@@ -165,7 +165,9 @@ _HOMES = {
     "core.transport.settings": "Settings domain_id environment_peers",
     "core.transport.shared_endpoint": "Registration registered",
     "core.transport.tcp.listening": "Listener",
-    "core.transport.tcp.tcp_network": "TcpNetwork is_loopback join_place place_here split_place",
+    "core.transport.tcp.tcp_network": (
+        "TcpNetwork address_here is_loopback join_address split_address"
+    ),
     "core.transport.tcp.unix_sockets": "checked_unix is_unix path_of",
     "core.transport.time_of_day": "time_of_day time_of_day_ns",
     "core.transport.tunnel": "cdr",
@@ -247,6 +249,7 @@ __all__ = [
     "Writer",
     "account_name_problem",
     "action_of_feedback",
+    "address_here",
     "answering",
     "bytes_of",
     "cdr",
@@ -267,7 +270,7 @@ __all__ = [
     "install_command",
     "is_loopback",
     "is_unix",
-    "join_place",
+    "join_address",
     "keepalive_of",
     "names",
     "names_of",
@@ -275,7 +278,6 @@ __all__ = [
     "os_errors",
     "path_of",
     "pinned_context",
-    "place_here",
     "present_chance",
     "private_files",
     "process_state",
@@ -290,7 +292,7 @@ __all__ = [
     "robot_namespace",
     "service_event",
     "signals",
-    "split_place",
+    "split_address",
     "states_in",
     "suggestions",
     "terminal",

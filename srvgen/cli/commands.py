@@ -248,11 +248,11 @@ def _files(sources: Sequence[str], search: Search, report: Report) -> list[Path]
     for source in sources:
         try:
             for path in files_of(source, search):
-                place = path.resolve()
-                paths.setdefault(place, path)
+                real = path.resolve()
+                paths.setdefault(real, path)
                 report.remember(path)
-                twin = first.setdefault((kind_folder(place) or place.parent, path.name), path)
-                if twin.resolve() != place:
+                twin = first.setdefault((kind_folder(real) or real.parent, path.name), path)
+                if twin.resolve() != real:
                     report.error(_duplicate(path, twin))
         except DefinitionError as error:
             report.error(error)

@@ -132,7 +132,7 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         """The states of the goals in the newest status message."""
         self._tasks: dict[asyncio.Task[None], None] = {}
         """Tasks that fetch results, and tasks that cancel goals whose `send_goal` ended early."""
-        self._free_places = WAITING_CALLS
+        self._free_slots = WAITING_CALLS
         self._queue: dict[bytes, asyncio.Future[bool]] = {}
         """The goals without a call that waits for the result. The future becomes True when such a
         call may begin, and False when the goal has ended."""
@@ -327,27 +327,27 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
             handle.feedback._end()
 
     async def _response_for(self, handle: GoalHandle[Any, Any]) -> Any:
-        if self._free_places:
-            self._free_places -= 1
-            has_place = True
+        if self._free_slots:
+            self._free_slots -= 1
+            has_slot = True
         else:
             self._queue[handle._goal_id] = turn = self._loop.create_future()
             try:
-                has_place = await turn
+                has_slot = await turn
             finally:
                 del self._queue[handle._goal_id]
         try:
             return await self._call_for_result(handle)
         finally:
-            if has_place:
-                self._leave_place()
+            if has_slot:
+                self._leave_slot()
 
-    def _leave_place(self) -> None:
+    def _leave_slot(self) -> None:
         for turn in self._queue.values():
             if not turn.done():
                 turn.set_result(True)
                 return
-        self._free_places += 1
+        self._free_slots += 1
 
     async def _call_for_result(self, handle: GoalHandle[Any, Any]) -> Any:
         """Call the service that responds when the goal has ended.

@@ -39,8 +39,8 @@ def _graduate(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps([{"path": str(path), **one._asdict()} for path, one in found]))
     else:
-        for place in found:
-            print(place)
+        for finding in found:
+            print(finding)
         if not found:
             print("found nothing that a real ROS 2 would do differently")
     differs = _differs(path, options) if options.both is not None else False

@@ -52,7 +52,7 @@ def _join(text: str) -> Exit:
     lab = find_lab(from_join_string(standard_input() if text == "-" else text))
     listing = _listing(lab)
     remember_lab(lab)
-    print(f"You have joined the lab at {lab.place} as {_account(lab)}{_until(lab)}.")
+    print(f"You have joined the lab at {lab.address} as {_account(lab)}{_until(lab)}.")
     print(_offers(lab, listing))
     print(*_health(lab), sep="\n")
     if lab.namespace != "/":
@@ -77,7 +77,7 @@ def _health(lab: Lab) -> list[str]:
     from taskrpc.cli.shared.remote import Remote
 
     async def call() -> list[str]:
-        return [finding.text async for finding in checks.check_health(Remote(lab.place))]
+        return [finding.text async for finding in checks.check_health(Remote(lab.address))]
 
     return asyncio.run(call())
 
@@ -86,7 +86,7 @@ def _status() -> Exit:
     lab = remembered_lab()
     if lab is None:
         raise NotFound("you have not joined a lab: `taskrpc join STRING` joins one")
-    print(f"joined: the lab at {lab.place} as {_account(lab)}{_until(lab)}")
+    print(f"joined: the lab at {lab.address} as {_account(lab)}{_until(lab)}")
     print(f"namespace: {lab.namespace}")
     print(_offers(lab, _listing(lab)))
     _warn_of_peers()

@@ -23,7 +23,7 @@ from taskrpc.observe.metrics.tasks import MeasuredStore, task_families
 from taskrpc.robot.tasks.model import RUNNING_KEY
 from taskrpc.robot.tasks.records.store import TaskStore
 from taskrpc.robot.tasks.server import OfferedTasks, load_types
-from taskrpc.spi import AccountSource, check_listen_policy, is_loopback, place_here, split_place
+from taskrpc.spi import AccountSource, address_here, check_listen_policy, is_loopback, split_address
 
 try:
     from taskrpc.bridges.rosbridge.server import RosbridgeServer
@@ -61,13 +61,13 @@ class Monitoring:
     """
 
     def __init__(
-        self, place: str, access: Remote, accounts: str | None, origins: Sequence[str] = ()
+        self, address: str, access: Remote, accounts: str | None, origins: Sequence[str] = ()
     ) -> None:
         self.metrics = Metrics()
         self._calls = CallLog()
         self.observer = Observers(self.metrics, self._calls)
         """Receives the events of the node."""
-        self._place = place
+        self._address = address
         self._origins = origins
         self._tls = access.tls
         self._token = access.token or os.environ.get("TASKRPC_TOKEN") or ""
@@ -97,13 +97,13 @@ class Monitoring:
         has_secrets = self._token or self._accounts is not None
         may_look = self.tokens.may_look if has_secrets else None
         live = self._live_page(server, node, self._students(server, node, class_folder))
-        host, _ = split_place(self._place)
+        host, _ = split_address(self._address)
         # The certificate of a class is for its laptops: the lecturer's browser would warn of it.
         tls = None if class_folder is not None and is_loopback(host) else self._tls
         self._rosbridge = RosbridgeServer(node, may_connect=self._is_own_token)
         web = WebServer(
             pages,
-            listen=self._place,
+            listen=self._address,
             tls=tls,
             may_look=may_look,
             live=live,
@@ -148,7 +148,7 @@ class Monitoring:
 
     def _announce(self, web: WebServer) -> None:
         """Offer a service that returns the page's address, if other machines can reach it."""
-        if self._node is None or is_loopback(split_place(self._place)[0]):
+        if self._node is None or is_loopback(split_address(self._address)[0]):
             return
 
         def address(_: Any, response: Any) -> Any:
@@ -197,9 +197,9 @@ class Monitoring:
             }
 
         def make_node(token: str) -> Node:
-            place = place_here(node.address)
+            address = address_here(node.address)
             known = token or self._token or None
-            return Node(NODE, namespace="/", peers=[place], tls=self._tls, token=known)
+            return Node(NODE, namespace="/", peers=[address], tls=self._tls, token=known)
 
         stream = LiveStream()
         graph = NodeGraph(node, self._calls)

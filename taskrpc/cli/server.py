@@ -104,7 +104,7 @@ def _parser() -> Parser:
 def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     listen = "The address for calls, also unix:/path (default: 127.0.0.1:0)"
-    add("--listen", metavar="HOST:PORT", type=remote.any_place, help=listen)
+    add("--listen", metavar="HOST:PORT", type=remote.any_address, help=listen)
     remote.add_transport(parser)
     what = (
         "The database of tasks: a file, :memory: for nothing on the disk,"
@@ -133,7 +133,7 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     found = "When to end the connection of a silent peer: `default` (8 s) or `robot` (2 s)"
     add("--keepalive", choices=["default", "robot"], help=found)
     web = "Serve the live page, rosbridge, /health and /metrics at this HTTP address"
-    add("--web", metavar="HOST:PORT", type=remote.place, help=web)
+    add("--web", metavar="HOST:PORT", type=remote.address, help=web)
     add_allow_origin(parser)
     fault = "Inject a fault into calls, such as lose-response:first=1; may be given several times"
     add("--fault", metavar="SPEC", type=_fault, action="append", default=[], help=fault)
@@ -390,7 +390,7 @@ def _in_place_of_a_lab(options: argparse.Namespace) -> str:
     if lab is None or options.namespace not in ("/", lab.robot_namespace):
         return ""
     return (
-        f"you have joined the lab at {lab.place}: while this server runs, your calls of"
+        f"you have joined the lab at {lab.address}: while this server runs, your calls of"
         f" {task_service(options.namespace)} come here, not to the lab's robot; to reach both,"
         " start this server with --namespace /local"
     )

@@ -84,11 +84,11 @@ class Document:
             return yaml_text.compose(text)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
-            place = (mark.line, mark.column) if mark else None
+            location = (mark.line, mark.column) if mark else None
             problem = error.problem or error.context or ""
             if problem.startswith(_INDENTATION):
                 problem += "; expected entries of one level to begin in the same column"
-            self._fail_at(place, f"not valid YAML: {problem}")
+            self._fail_at(location, f"not valid YAML: {problem}")
         except yaml.reader.ReaderError as error:
             *above, before = _LINE_BREAK.split(text[: error.position])
             problem = f"not valid YAML: the character {text[error.position]!r} is not allowed"
@@ -99,10 +99,10 @@ class Document:
         mark = node.start_mark if node else None
         self._fail_at((mark.line, mark.column) if mark else None, problem)
 
-    def _fail_at(self, place: tuple[int, int] | None, problem: str) -> NoReturn:
-        if place is None:
+    def _fail_at(self, location: tuple[int, int] | None, problem: str) -> NoReturn:
+        if location is None:
             raise MapError(problem, self._path) from None
-        line, column = place
+        line, column = location
         source_line = self._lines[line] if line < len(self._lines) else ""
         raise MapError(problem, self._path, line + 1, column + 1, source_line) from None
 

@@ -84,10 +84,10 @@ def modules(package: Path) -> dict[str, Path]:
             inner = _after("DESTINATION_SUFFIX", arguments)
             found.setdefault(_dotted(inner, file.stem), file)
     for kind, items, destination, rename in installations(package):
-        place = _IN_SITE_FOLDER.fullmatch(destination)
-        if place is None:
+        match = _IN_SITE_FOLDER.fullmatch(destination)
+        if match is None:
             continue
-        inner = place["inner"] or ""
+        inner = match["inner"] or ""
         for item in items:
             for name, path in _installed(package, kind, item, rename):
                 found.setdefault(_dotted(inner, name), path)

@@ -42,8 +42,8 @@ def run_arguments(package: str, executable: str, starts: Sequence[Path]) -> list
     folder = packages.get(package)
     if folder is not None:
         _check_executable(package, folder, executable)
-        place = [] if package in here else ["--workspace", str(folder)]
-        return [*place, package, executable]
+        option = [] if package in here else ["--workspace", str(folder)]
+        return [*option, package, executable]
     if executable in bundled.EXECUTABLES.get(package, ()):
         return [package, executable]
     missing = NotHere(f"taskrpc does not have '{executable}' of the package '{package}'")

@@ -106,11 +106,11 @@ class _WorkspaceFinder(MetaPathFinder):
         own = [(top, packages[top])] if top in packages else []
         for name, folder in [*own, *packages.items()]:
             known = _modules_of(folder, name)
-            place = known.get(fullname)
-            if place is None and not any(each.startswith(f"{fullname}.") for each in known):
+            found = known.get(fullname)
+            if found is None and not any(each.startswith(f"{fullname}.") for each in known):
                 continue
             self._found.add(top)
-            return _spec(fullname, place)
+            return _spec(fullname, found)
         return None
 
 
@@ -121,18 +121,18 @@ def _modules_of(package: Path, name: str) -> dict[str, Path]:
     return modules(package, name)
 
 
-def _spec(name: str, place: Path | None) -> ModuleSpec | None:
+def _spec(name: str, path: Path | None) -> ModuleSpec | None:
     """The spec of a module in a file or folder; for None, of a package without a folder."""
-    if place is None:
+    if path is None:
         return ModuleSpec(name, None, is_package=True)
-    if place.name == "__init__.py":
-        return _package(name, place.parent)
-    if place.is_file():
-        return spec_from_file_location(name, place)
-    if (place / "__init__.py").is_file():
-        return _package(name, place)
+    if path.name == "__init__.py":
+        return _package(name, path.parent)
+    if path.is_file():
+        return spec_from_file_location(name, path)
+    if (path / "__init__.py").is_file():
+        return _package(name, path)
     spec = ModuleSpec(name, None, is_package=True)
-    spec.submodule_search_locations = [str(place)]
+    spec.submodule_search_locations = [str(path)]
     return spec
 
 

@@ -58,7 +58,7 @@ def modules(package: Path, name: str) -> dict[str, Path]:
     inner = source_folder(package)
     for value in _keywords(package, "package_dir"):
         if isinstance(value, dict):
-            found.update((each, package / str(place)) for each, place in value.items() if each)
+            found.update((each, package / str(path)) for each, path in value.items() if each)
     for value in _keywords(package, "py_modules"):
         found.update((each, inner / f"{each}.py") for each in value or ())
     is_python = any((package / each).is_file() for each in _PYTHON_BUILDS)

@@ -103,7 +103,7 @@ def explain_ros(name: str) -> str:
     if hint := _PYTHON.get(name):
         return f"it is a package of ROS 2 that taskrpc does not have: {hint}"
     is_of_interfaces = name in _INTERFACES or name in _REPOSITORIES
-    return _place_for_interfaces(name) if is_of_interfaces else ""
+    return _where_to_put_interfaces(name) if is_of_interfaces else ""
 
 
 def explain_program(package: str) -> str:
@@ -120,11 +120,11 @@ def explain_program(package: str) -> str:
 def explain_ros_or_interfaces(name: str) -> str:
     """As `explain_ros`, also for packages whose names end like those of interface packages."""
     return explain_ros(name) or (
-        _place_for_interfaces(name) if _LIKE_INTERFACES.fullmatch(name) else ""
+        _where_to_put_interfaces(name) if _LIKE_INTERFACES.fullmatch(name) else ""
     )
 
 
-def _place_for_interfaces(name: str) -> str:
+def _where_to_put_interfaces(name: str) -> str:
     if repository := _REPOSITORIES.get(name):
         return f"taskrpc does not have these definitions; {_CLONE.format(repository)}"
     return (

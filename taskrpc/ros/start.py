@@ -56,7 +56,7 @@ class _Watcher:
             return None
         if hook.real_rclpy():
             return None
-        hook.install(*_places())
+        hook.install(*_search_folders())
         for finder in sys.meta_path:
             if (spec := finder.find_spec(name, None)) is not None:
                 return spec
@@ -64,7 +64,7 @@ class _Watcher:
 
 
 def _has_definitions_here(name: "str") -> "bool":
-    return any(_has_definitions(os.path.join(place, name)) for place in _places())
+    return any(_has_definitions(os.path.join(folder, name)) for folder in _search_folders())
 
 
 def _may_be_known(name: "str") -> "bool":
@@ -73,10 +73,10 @@ def _may_be_known(name: "str") -> "bool":
         return True
     if _bundled() and _is_in_archive(f"{_bundled()[0]}.zip", name):
         return True
-    places = _places()
-    if any(_is_in_a_package(place) or _has_packages(place) for place in places):
+    folders = _search_folders()
+    if any(_is_in_a_package(folder) or _has_packages(folder) for folder in folders):
         return True
-    roots = [os.path.join(place, "src") for place in places]
+    roots = [os.path.join(folder, "src") for folder in folders]
     roots += os.environ.get("TASKRPC_INTERFACE_PATH", "").split(os.pathsep)
     return any(_has_definitions(os.path.join(root, name)) for root in roots if root)
 
@@ -134,7 +134,7 @@ def _bundled() -> "list[str]":
     return _found_bundled
 
 
-def _places() -> "list[str]":
+def _search_folders() -> "list[str]":
     """The script's folder, the first folder in `sys.path`, and the working directory."""
     script = sys.argv[0] if getattr(sys, "argv", None) else ""
     try:

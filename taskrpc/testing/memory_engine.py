@@ -38,18 +38,18 @@ class Bus:
     def __init__(self, domain: int) -> None:
         self.domain = domain
         self.engines: dict[str, MemoryEngine] = {}
-        """The open engines by place."""
+        """The open engines by address."""
         self.opened = 0
-        """Counts the places that were given."""
+        """Counts the addresses that were given."""
         self.faults: Callable[[str, bytes], Iterable[bytes]] | None = None
-        """Takes the place and each datagram, and returns the datagrams that arrive instead."""
+        """Takes the address and each datagram, and returns the datagrams that arrive instead."""
         self.topics = Topics(_NoOtherProcess())
 
-    def deliver(self, place: str, datagram: bytes) -> None:
-        """Pass a datagram to the engine at a place, if there is one."""
-        arriving = [datagram] if self.faults is None else self.faults(place, datagram)
+    def deliver(self, address: str, datagram: bytes) -> None:
+        """Pass a datagram to the engine at an address, if there is one."""
+        arriving = [datagram] if self.faults is None else self.faults(address, datagram)
         for each in arriving:
-            if (engine := self.engines.get(place)) is not None:
+            if (engine := self.engines.get(address)) is not None:
                 engine.events.received(each)
 
     def others(self, engine: MemoryEngine) -> list[MemoryEngine]:
@@ -92,7 +92,7 @@ class MemoryEngine:
     discovery_ends = 0.0
 
     def __init__(self, domain: int) -> None:
-        self.place = ""
+        self.address = ""
         self.events: EngineEvents = _Ignored()
         self.announced: bytes | None = None
         """What this program has announced; None for a foreign program."""
@@ -108,32 +108,32 @@ class MemoryEngine:
     async def open(self, events: EngineEvents) -> None:
         """Join the bus."""
         self._bus.opened += 1
-        self.place = f"memory engine {self._bus.domain}:{self._bus.opened}"
+        self.address = f"memory engine {self._bus.domain}:{self._bus.opened}"
         self.events = events
-        self._bus.engines[self.place] = self
+        self._bus.engines[self.address] = self
         await asyncio.sleep(0)
         for each in self._bus.others(self):
             if each.announced is not None:
-                events.program_seen(each.place, each.announced)
+                events.program_seen(each.address, each.announced)
 
-    def send(self, place: str, datagram: bytes) -> None:
+    def send(self, address: str, datagram: bytes) -> None:
         """Send a datagram; it arrives in a later turn of the loop."""
-        self._loop.call_soon(self._bus.deliver, place, datagram)
+        self._loop.call_soon(self._bus.deliver, address, datagram)
 
     def announce(self, entry: bytes) -> None:
         """Show this program to the others."""
         self.announced = entry
         for each in self._bus.others(self):
-            self._loop.call_soon(each.program_seen, self.place, entry)
+            self._loop.call_soon(each.program_seen, self.address, entry)
 
-    def program_seen(self, place: str, entry: bytes) -> None:
+    def program_seen(self, address: str, entry: bytes) -> None:
         """Report another program, unless it has left meanwhile."""
-        if place in self._bus.engines:
-            self.events.program_seen(place, entry)
+        if address in self._bus.engines:
+            self.events.program_seen(address, entry)
 
     def close(self) -> None:
         """Leave the bus."""
-        if self._bus.engines.pop(self.place, None) is None:
+        if self._bus.engines.pop(self.address, None) is None:
             return
         self.events = _Ignored()
         for server in list(self.servers):
@@ -142,7 +142,7 @@ class MemoryEngine:
             if self.announced is None:
                 self._loop.call_soon(lambda other: other.events.foreign_changed(), each)
             else:
-                self._loop.call_soon(lambda other: other.events.program_gone(self.place), each)
+                self._loop.call_soon(lambda other: other.events.program_gone(self.address), each)
 
     # The graph
 
@@ -318,8 +318,8 @@ class _Ignored:
     """The events of an engine that is closed, or that plays a foreign program."""
 
     def received(self, datagram: bytes) -> None: ...
-    def program_seen(self, place: str, entry: bytes) -> None: ...
-    def program_gone(self, place: str) -> None: ...
+    def program_seen(self, address: str, entry: bytes) -> None: ...
+    def program_gone(self, address: str) -> None: ...
     def foreign_changed(self) -> None: ...
     def interrupted(self, reason: str) -> None: ...
     def resumed(self) -> None: ...

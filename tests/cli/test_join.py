@@ -20,7 +20,7 @@ from taskrpc.core.security.lab import Lab
 def test_calls_of_tasks_are_proposed_only_if_the_lab_has_them(
     monkeypatch, capsys, services, proposed
 ):
-    lab = Lab(place="192.168.1.20:7450", token="ada.secret", certificate="", namespace="/ada")
+    lab = Lab(address="192.168.1.20:7450", token="ada.secret", certificate="", namespace="/ada")
     listing = SimpleNamespace(services=[SimpleNamespace(name=each) for each in services])
     monkeypatch.setattr("taskrpc.course.classroom.invitation.from_join_string", lambda _: lab)
     monkeypatch.setattr("taskrpc.course.classroom.joining.find_lab", lambda found: found)

@@ -147,7 +147,7 @@ def test_recording_never_replaces_a_file(server, tmp_path):
     ],
 )
 def test_server_says_that_it_takes_the_calls_of_a_joined_laptop(monkeypatch, options, said):
-    remember_lab(Lab(place="h:1", token="ada.secret", certificate="PEM", namespace="/robot2/ada"))
+    remember_lab(Lab(address="h:1", token="ada.secret", certificate="PEM", namespace="/robot2/ada"))
     parsed = server_module._parser().parse_args(options)
     line = server_module._in_place_of_a_lab(parsed)
     assert said in line

@@ -35,7 +35,7 @@ def shows_accounts(patch):
 
 
 def shows_addresses(patch):
-    patch(network.Address, "__repr__", lambda self: f"Address({self.place}, {self.token!r})")
+    patch(network.Address, "__repr__", lambda self: f"Address({self.text}, {self.token!r})")
 
 
 def logs_accounts(patch):

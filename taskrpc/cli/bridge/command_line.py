@@ -13,7 +13,7 @@ from taskrpc.cli.shared.command import exit_after, tune_for_long_run
 from taskrpc.cli.shared.parsing import add_allow_origin, add_command, add_group
 from taskrpc.errors import TaskRpcError
 
-_PLACE = "127.0.0.1:9090"
+_ADDRESS = "127.0.0.1:9090"
 _INFO = "This address speaks rosbridge v2: connect to it with a WebSocket, as roslib does.\n"
 _NAME = "rosbridge_websocket"
 """The name of the node, as in rosbridge_suite."""
@@ -28,8 +28,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         commands, "rosbridge", "Start a gateway for rosbridge clients, such as roslib in a browser"
     )
     add = rosbridge.add_argument
-    what = f"The address for WebSockets (default: {_PLACE})"
-    add("--listen", metavar="HOST:PORT", type=remote.place, default=_PLACE, help=what)
+    what = f"The address for WebSockets (default: {_ADDRESS})"
+    add("--listen", metavar="HOST:PORT", type=remote.address, default=_ADDRESS, help=what)
     add_allow_origin(rosbridge)
     add("--token-file", metavar="FILE", help="A file with the token that other machines must send")
     add("--tls-cert", metavar="FILE", help="The certificate of this gateway (PEM)")
@@ -75,8 +75,8 @@ async def _serve(options: argparse.Namespace, access: remote.Remote, token: str)
             origins=options.allow_origin,
         )
         async with web:
-            place = web.url.replace("http", "ws", 1)
-            print(f"taskrpc bridge ready: rosbridge at {place}", file=sys.stderr, flush=True)
+            address = web.url.replace("http", "ws", 1)
+            print(f"taskrpc bridge ready: rosbridge at {address}", file=sys.stderr, flush=True)
             tune_for_long_run()
             number = await stopped
             await server.close()

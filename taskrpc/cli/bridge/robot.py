@@ -25,7 +25,7 @@ def configure(ros: argparse.ArgumentParser) -> None:
     """Add the arguments of `taskrpc bridge ros` to its parser."""
     add = ros.add_argument
     what = "The address for calls (default: 127.0.0.1:0)"
-    add("--listen", metavar="HOST:PORT", type=remote.any_place, help=what)
+    add("--listen", metavar="HOST:PORT", type=remote.any_address, help=what)
     what = "Let callers use the services of this name, such as '/arm/*'; may be given several times"
     add("--allow", metavar="NAME", type=_name, action="append", default=[], help=what)
     what = "Let callers subscribe to the topics of this name; may be given several times"

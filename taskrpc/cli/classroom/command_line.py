@@ -9,7 +9,7 @@ import time
 
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.parsing import add_command, add_group, whole
-from taskrpc.cli.shared.remote import place
+from taskrpc.cli.shared.remote import address
 from taskrpc.errors import TaskRpcError
 
 TYPE_CHECKING = False  # typing itself is heavy
@@ -48,7 +48,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = f"With --serve: maximum number of queued tasks of one laptop (default: {_SHARE})"
     add("--share", metavar="N", type=whole(1), default=_SHARE, help=what)
     what = "Run taskrpc-server for the class, with a live page there (default: 127.0.0.1:0)"
-    add("--web", metavar="HOST:PORT", type=place, nargs="?", const="127.0.0.1:0", help=what)
+    add("--web", metavar="HOST:PORT", type=address, nargs="?", const="127.0.0.1:0", help=what)
     what = "Then run taskrpc-server for the class; the words that follow are its options"
     add("--serve", nargs=argparse.REMAINDER, metavar="OPTION", help=what)
     commands = add_group(parser)

@@ -21,13 +21,13 @@ from taskrpc.node import Node
 from taskrpc.spi import (
     RegistryEntry,
     ServiceEndpoint,
+    address_here,
     domain_id,
     environment_peers,
     file_locks,
     folders,
     is_unix,
     keepalive_of,
-    place_here,
     private_files,
     process_state,
     suggestions,
@@ -111,7 +111,7 @@ def environment() -> Iterator[Finding]:
         yield problem(str(error), "set it to one of these values, or unset it")
     try:
         if lab := called_lab():
-            yield ok(f"programs call the lab at {lab.place} too (taskrpc join --status)")
+            yield ok(f"programs call the lab at {lab.address} too (taskrpc join --status)")
     except TaskRpcError as error:
         yield problem(str(error), "join again with the lecturer's string")
     for part in os.environ.get("TASKRPC_INTERFACE_PATH", "").split(os.pathsep):
@@ -152,7 +152,7 @@ def _nothing_offered() -> Finding:
         return note(f"{text}: programs call {', '.join(peers)} (TASKRPC_PEERS)")
     if (lab := called_lab()) is not None:
         # A task server here would take the calls that are meant for the lab.
-        return note(f"{text}: all calls go to the lab at {lab.place}")
+        return note(f"{text}: all calls go to the lab at {lab.address}")
     return note(text, "start one, for example taskrpc-server")
 
 
@@ -163,7 +163,7 @@ async def in_place_of_the_lab(lab: Remote) -> AsyncIterator[Finding]:
         if taken := [name for name in suggestions.services([entry]) if name in offered]:
             more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""
             yield note(
-                f"{_program(entry)} offers {taken[0]}{more}, as the lab at {lab.place} does: this"
+                f"{_program(entry)} offers {taken[0]}{more}, as the lab at {lab.address} does: this"
                 " machine's calls go to this program, not to the lab",
                 f"to call the lab, end it: taskrpc stop {entry.pid}",
             )
@@ -171,7 +171,7 @@ async def in_place_of_the_lab(lab: Remote) -> AsyncIterator[Finding]:
 
 async def _reach(entry: RegistryEntry) -> Finding:
     try:
-        await HERE.listing(place_here(entry.address))
+        await HERE.listing(address_here(entry.address))
     except TaskRpcError as error:
         return _silent(entry, error)
     listed = ", ".join(suggestions.services([entry])) or "hidden services"
@@ -259,8 +259,8 @@ async def check_health(remote: Remote) -> AsyncIterator[Finding]:
 
 
 async def _services(remote: Remote) -> Iterable[ServiceEndpoint]:
-    if remote.place:
-        return (await remote.listing(remote.place)).services
+    if remote.address:
+        return (await remote.listing(remote.address)).services
     here = suggestions.domains().get(domain_id(), [])
     return [service for entry in here for service in entry.services]
 

@@ -17,18 +17,18 @@ from taskrpc.cli.shared.remote import (
     Remote,
     add_secrets,
     add_transport,
-    any_place,
+    any_address,
     called_lab,
     remote_of,
 )
 from taskrpc.errors import TaskRpcError
-from taskrpc.spi import is_loopback, is_unix, split_place
+from taskrpc.spi import is_loopback, is_unix, split_address
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `doctor`."""
     what = "A server that you cannot reach, on another machine or at unix:/path; or a Zenoh router"
-    parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=_place, help=what)
+    parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=_address, help=what)
     add_transport(parser)
     add_secrets(parser)
     parser.add_argument("--json", action="store_true", help="Print a JSON array of findings")
@@ -39,9 +39,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.set_defaults(run=_run)
 
 
-def _place(text: str) -> str:
+def _address(text: str) -> str:
     if text != "unix:":
-        return any_place(text)
+        return any_address(text)
     raise argparse.ArgumentTypeError("expected unix:/path of the server's socket, got unix: alone")
 
 
@@ -89,11 +89,11 @@ async def _over_tcp(remote: Remote) -> AsyncIterator[Finding]:
         yield broken
     async for finding in checks.programs(reachable=broken is None):
         yield finding
-    is_given = bool(remote.place)
+    is_given = bool(remote.address)
     remote = remote if is_given else _lab_of(remote)
-    if broken is not None and (not remote.place or _is_here(remote.place)):
+    if broken is not None and (not remote.address or _is_here(remote.address)):
         return  # nothing here can be called
-    if remote.place:
+    if remote.address:
         async for finding in probe.examine(remote):
             yield finding
             if finding.state == "problem":
@@ -105,15 +105,15 @@ async def _over_tcp(remote: Remote) -> AsyncIterator[Finding]:
         yield finding
 
 
-def _is_here(place: str) -> bool:
-    return not is_unix(place) and is_loopback(split_place(place)[0])
+def _is_here(address: str) -> bool:
+    return not is_unix(address) and is_loopback(split_address(address)[0])
 
 
 def _lab_of(remote: Remote) -> Remote:
     """Return the joined lab if programs call it, otherwise `remote`."""
     if (lab := called_lab()) is None:
         return remote
-    return Remote(lab.place, remote.tls, remote.token)
+    return Remote(lab.address, remote.tls, remote.token)
 
 
 def _print(finding: Finding) -> None:

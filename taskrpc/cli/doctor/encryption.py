@@ -7,7 +7,7 @@ import ssl
 
 from taskrpc.cli.doctor.checks import Finding, problem
 from taskrpc.cli.shared.remote import Remote
-from taskrpc.spi import Lab, is_unix, pinned_context, remembered_lab, split_place
+from taskrpc.spi import Lab, is_unix, pinned_context, remembered_lab, split_address
 
 # OpenSSL's numbers (x509_vfy.h).
 _NOT_YET_VALID, _EXPIRED = 9, 10
@@ -20,32 +20,32 @@ async def fault(remote: Remote, timeout: float) -> Finding | None:
 
     `timeout` is in seconds, for each step.
     """
-    place, lab = remote.place, remembered_lab()
-    if is_unix(place):
+    address, lab = remote.address, remembered_lab()
+    if is_unix(address):
         return None
-    if lab is not None and lab.place != place:
+    if lab is not None and lab.address != address:
         lab = None
-    shown = await _shown_certificate(place, timeout)
+    shown = await _shown_certificate(address, timeout)
     wants_tls = remote.tls is not None or lab is not None
     if not shown:
-        return _plain(place) if wants_tls else None
+        return _plain(address) if wants_tls else None
     if not wants_tls:
         return problem(
-            f"{place} accepts only encrypted connections",
+            f"{address} accepts only encrypted connections",
             "join with the lecturer's string (taskrpc join), or use --tls-ca with the certificate"
             " of the authority that signed the server's certificate",
         )
     if lab is not None and shown != lab.certificate:
         return problem(
-            f"{place} has another certificate than when this laptop joined",
+            f"{address} has another certificate than when this laptop joined",
             "it is another server, or its certificate is new: ask the lecturer for a new string",
         )
     return await _refused(remote, lab, timeout)
 
 
-def _plain(place: str) -> Finding:
+def _plain(address: str) -> Finding:
     return problem(
-        f"{place} accepts no encrypted connections: it is not a taskrpc server, or a server without"
+        f"{address} accepts no encrypted connections: it is no taskrpc server, or a server without"
         " --tls-cert",
         "start the server with --tls-cert and --tls-key, or `taskrpc classroom --serve`",
     )
@@ -53,7 +53,7 @@ def _plain(place: str) -> Finding:
 
 async def _refused(remote: Remote, lab: Lab | None, timeout: float) -> Finding | None:
     """Return why this machine rejects the server's certificate; None if it does not."""
-    host, port = split_place(remote.place)
+    host, port = split_address(remote.address)
     if lab is not None:
         context = pinned_context(lab.certificate, remote.tls)
     else:
@@ -63,15 +63,15 @@ async def _refused(remote: Remote, lab: Lab | None, timeout: float) -> Finding |
         async with asyncio.timeout(timeout):
             _, writer = await asyncio.open_connection(host, port, ssl=context)
     except ssl.SSLCertVerificationError as error:
-        return _explained(remote.place, host, error)
+        return _explained(remote.address, host, error)
     except OSError:
         return None
     writer.close()
     return None
 
 
-def _explained(place: str, host: str, error: ssl.SSLCertVerificationError) -> Finding:
-    code, what = error.verify_code, f"the certificate of {place}"
+def _explained(address: str, host: str, error: ssl.SSLCertVerificationError) -> Finding:
+    code, what = error.verify_code, f"the certificate of {address}"
     if code == _EXPIRED:
         text, advice = f"{what} has expired", "make a new one, or correct the clock of this machine"
     elif code == _NOT_YET_VALID:
@@ -88,11 +88,11 @@ def _explained(place: str, host: str, error: ssl.SSLCertVerificationError) -> Fi
     return problem(text, advice)
 
 
-async def _shown_certificate(place: str, timeout: float) -> str:
+async def _shown_certificate(address: str, timeout: float) -> str:
     """Return a server's certificate (PEM), "" if it has no TLS. Sends no secret."""
 
     def look() -> str:
-        return ssl.get_server_certificate(split_place(place), timeout=timeout)
+        return ssl.get_server_certificate(split_address(address), timeout=timeout)
 
     try:
         return await asyncio.to_thread(look)

@@ -16,9 +16,9 @@ from functools import partial
 from taskrpc.cli.doctor import encryption
 from taskrpc.cli.doctor.checks import Finding, ok, problem
 from taskrpc.cli.shared.remote import Remote
-from taskrpc.core.transport.connection.dialling import STOPPED, placed
+from taskrpc.core.transport.connection.dialling import STOPPED, with_address
 from taskrpc.errors import AuthenticationFailed, ConnectionLost, ProtocolError, TaskRpcError
-from taskrpc.spi import is_unix, path_of, split_place
+from taskrpc.spi import is_unix, path_of, split_address
 
 STEP_TIMEOUT = 4.0
 """Seconds for each step."""
@@ -34,13 +34,13 @@ _NO_SUCH_HOST = frozenset({errno.EHOSTUNREACH, errno.EHOSTDOWN, 1232, 10065, 100
 
 async def examine(remote: Remote) -> AsyncIterator[Finding]:
     """Check each step of a connection to an address; ends at the first step that fails."""
-    if is_unix(remote.place):
-        found = await reach_socket(remote.place, STEP_TIMEOUT)
+    if is_unix(remote.address):
+        found = await reach_socket(remote.address, STEP_TIMEOUT)
         yield found
         if found.state != "problem":
             yield await _list_services(remote)
         return
-    host, port = split_place(remote.place)
+    host, port = split_address(remote.address)
     try:
         addresses = await resolve(host, port, STEP_TIMEOUT)
     except OSError as error:
@@ -136,35 +136,35 @@ def no_connection(error: OSError, address: str, port: int) -> Finding:
 
 
 async def _list_services(remote: Remote) -> Finding:
-    place = remote.place
+    address = remote.address
     try:
-        listing = await remote.listing(place)
+        listing = await remote.listing(address)
     except AuthenticationFailed as error:
         return await encryption.fault(remote, STEP_TIMEOUT) or problem(
-            f"{place} is taskrpc, but: {_without(place, error)}",
+            f"{address} is taskrpc, but: {_without(address, error)}",
             "if you joined this server with the lecturer's string, join again (the account may be"
             " revoked or expired); otherwise give its secret with --token-file or TASKRPC_TOKEN",
         )
     except (ConnectionLost, ProtocolError) as error:
         if advice := _advice(str(error)):
-            return problem(placed(place, error), advice)
+            return problem(with_address(address, error), advice)
         if STOPPED in str(error):
             return problem(*str(error).split("; ", 1))
         is_silent = "within" in str(error) or "did not respond" in str(error)
         advice = _NO_RESPONSE if is_silent else "another program than taskrpc listens there"
         fault = await encryption.fault(remote, STEP_TIMEOUT)
-        return fault or problem(placed(place, error), advice)
+        return fault or problem(with_address(address, error), advice)
     except TaskRpcError as error:
         return problem(
-            placed(place, error),
+            with_address(address, error),
             "check the files of the --tls options; if they are correct, read the server's log",
         )
     names = ", ".join(service.name for service in listing.services) or "no service"
-    return ok(f"{place} offers {names}")
+    return ok(f"{address} offers {names}")
 
 
-def _without(place: str, error: TaskRpcError) -> str:
-    return str(error).removeprefix("the lab's server at ").removeprefix(place).lstrip(": ")
+def _without(address: str, error: TaskRpcError) -> str:
+    return str(error).removeprefix("the lab's server at ").removeprefix(address).lstrip(": ")
 
 
 def _advice(error: str) -> str:
@@ -186,28 +186,28 @@ def _reason(error: OSError) -> str:
 _OTHERS = "only programs of the same user can call it: log in as that user, or listen at a port"
 
 
-async def reach_socket(place: str, timeout: float) -> Finding:
+async def reach_socket(address: str, timeout: float) -> Finding:
     """Check whether a program accepts connections at a Unix socket, or why not."""
-    path = path_of(place)
-    if found := _wrong_socket_file(path, place):
+    path = path_of(address)
+    if found := _wrong_socket_file(path, address):
         return found
     if sys.platform != "win32":  # on Windows `path_of` has refused the address
         try:
             async with asyncio.timeout(timeout):
                 _, writer = await asyncio.open_unix_connection(path)
         except OSError as error:
-            return _no_socket_connection(error, path, place, timeout)
+            return _no_socket_connection(error, path, address, timeout)
         writer.close()
     return ok(f"a program listens at {path}")
 
 
-def _wrong_socket_file(path: str, place: str) -> Finding | None:
+def _wrong_socket_file(path: str, address: str) -> Finding | None:
     try:
         found = os.stat(path)
     except PermissionError:
         return problem(f"you have no access to {os.path.dirname(path)}", _OTHERS)
     except OSError as error:
-        advice = f"check the path, or start the server there with --listen {place}"
+        advice = f"check the path, or start the server there with --listen {address}"
         return problem(f"there is no socket at {path}: {error.strerror}", advice)
     if not stat.S_ISSOCK(found.st_mode):
         return problem(
@@ -216,11 +216,11 @@ def _wrong_socket_file(path: str, place: str) -> Finding | None:
     return None
 
 
-def _no_socket_connection(error: OSError, path: str, place: str, timeout: float) -> Finding:
+def _no_socket_connection(error: OSError, path: str, address: str, timeout: float) -> Finding:
     if isinstance(error, ConnectionRefusedError):
         return problem(
             f"no program listens at {path}: the server that created it has ended",
-            f"start it again with --listen {place}",
+            f"start it again with --listen {address}",
         )
     if isinstance(error, PermissionError):
         return problem(f"the socket {path} belongs to another user", _OTHERS)

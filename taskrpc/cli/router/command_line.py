@@ -8,13 +8,13 @@ import sys
 from taskrpc.cli.shared.command import exit_after, tune_for_long_run
 from taskrpc.errors import TaskRpcError
 
-_PLACE = "127.0.0.1:7447"
+_ADDRESS = "127.0.0.1:7447"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of the router."""
-    what = f"The address for programs and other routers, also tcp/HOST:PORT (default: {_PLACE})"
-    parser.add_argument("--listen", metavar="HOST:PORT", default=_PLACE, help=what)
+    what = f"The address for programs and other routers, also tcp/HOST:PORT (default: {_ADDRESS})"
+    parser.add_argument("--listen", metavar="HOST:PORT", default=_ADDRESS, help=what)
     parser.set_defaults(run=_run)
 
 
@@ -38,13 +38,13 @@ async def _serve(listen: str) -> int:
     from taskrpc.middleware.zenoh.session import open_session
     from taskrpc.program import stop_requested
 
-    place = locator(listen)
+    address = locator(listen)
     async with stop_requested() as stopped:
-        with open_session(router_configuration(place)):
-            if not is_loopback(place):
+        with open_session(router_configuration(address)):
+            if not is_loopback(address):
                 _say("warning: every machine that reaches this address can call all services that")
                 _say("         need no token; Zenoh's own TLS and access control can restrict it")
-            _say(f"taskrpc router ready: Zenoh at {place}")
+            _say(f"taskrpc router ready: Zenoh at {address}")
             tune_for_long_run()
             return await stopped
 

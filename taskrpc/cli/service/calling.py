@@ -17,7 +17,7 @@ from taskrpc.cli.shared.definitions import differs_here, local_service_type, ser
 from taskrpc.cli.shared.remote import HERE, Remote
 from taskrpc.cli.shared.values import as_typed, build_request
 from taskrpc.client import Client
-from taskrpc.core.transport.connection.dialling import placed
+from taskrpc.core.transport.connection.dialling import with_address
 from taskrpc.errors import (
     AuthenticationFailed,
     ConnectionLost,
@@ -148,7 +148,7 @@ class _Caller:
             except ServiceUnavailable:
                 self._lost = None
             except (AuthenticationFailed, ProtocolError):
-                if not self._plan.remote.places:
+                if not self._plan.remote.addresses:
                     raise
             await self._report_waiting(deadline)
             left = math.inf if deadline is None else deadline - self._loop.time()
@@ -163,26 +163,26 @@ class _Caller:
         self._reported_waiting = True
         if self._plan.type_name:
             _requests(local_service_type(self._plan.type_name).Request, self._plan.values)
-        await self._check_places(deadline)
+        await self._check_addresses(deadline)
         if not self._plan.as_json:
             print("waiting for service to become available...", file=sys.stderr, flush=True)
             if self._lost:
                 print(f"({self._lost})", file=sys.stderr, flush=True)
 
-    async def _check_places(self, deadline: float | None) -> None:
+    async def _check_addresses(self, deadline: float | None) -> None:
         """Find out why a remote program does not list the service.
 
         Raises AuthenticationFailed, because waiting would not help.
         """
-        for place in self._plan.remote.places:
+        for address in self._plan.remote.addresses:
             try:
                 async with asyncio.timeout_at(deadline):
-                    await self._plan.remote.listing(place)
+                    await self._plan.remote.listing(address)
                 return
             except (ConnectionLost, ProtocolError) as error:
-                self._lost = type(error)(placed(place, error))
+                self._lost = type(error)(with_address(address, error))
             except TimeoutError:
-                self._lost = self._lost or ConnectionLost(f"{place} did not respond in time")
+                self._lost = self._lost or ConnectionLost(f"{address} did not respond in time")
 
     async def _unavailable(self) -> ServiceUnavailable:
         from taskrpc.cli.shared.graph import why_unavailable  # only where a call fails

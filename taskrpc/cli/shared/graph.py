@@ -20,7 +20,7 @@ _POLL = 0.1
 
 
 def look(remote: Remote) -> list[RegistryEntry]:
-    """Return the entries of all processes in this domain, or of the one at `remote.place`.
+    """Return the entries of all processes in this domain, or of the one at `remote.address`.
 
     The entry of this process is left out.
     """
@@ -34,8 +34,8 @@ async def _look(remote: Remote) -> list[RegistryEntry]:
 
 async def entries_of(remote: Remote, node: Node) -> list[RegistryEntry]:
     """Return the same as `look`, for a command that already has a node."""
-    if remote.place:
-        return [entry_of(remote.place, await remote.listing(remote.place))]
+    if remote.address:
+        return [entry_of(remote.address, await remote.listing(remote.address))]
     found = others(await node.graph())
     if remote.transport == "tcp":
         return found  # the registry of this machine is complete at once
@@ -79,21 +79,21 @@ async def why_unavailable(
 
     `lost` is the error of a failed connection, None if every program answered.
     """
-    # Do not connect again to a place that did not respond.
+    # Do not connect again to an address that did not respond.
     entries = domains().get(domain_id(), []) if lost else others(await node.graph())
     for entry in entries:
         if entry.offers(service):
             return _silent(entry, service, waited)
     if lost:
-        return _out_of_reach(remote.place, lost, waited)
+        return _out_of_reach(remote.address, lost, waited)
     hint = unknown_service_hint(service, entries, remote)
     return hinted(ServiceUnavailable(f"no server offers {service} {waited}"), hint)
 
 
-def _out_of_reach(place: str, lost: TaskRpcError, waited: str) -> ServiceUnavailable:
-    if not place and called_lab() is not None:
+def _out_of_reach(address: str, lost: TaskRpcError, waited: str) -> ServiceUnavailable:
+    if not address and called_lab() is not None:
         return hinted(ServiceUnavailable(f"{lost} {waited}"), "ask the lecturer whether it runs")
-    doctor = f"taskrpc doctor {place}".rstrip()
+    doctor = f"taskrpc doctor {address}".rstrip()
     problem = f"no taskrpc program responds: {lost} {waited}"
     return hinted(ServiceUnavailable(problem), f"find out why: {doctor}")
 
@@ -125,6 +125,6 @@ def _nothing_offered(remote: Remote) -> str:
     """Return the hint if no program offers any service."""
     if remote.transport != "tcp":
         return f"no program offers a service over {remote.transport} in domain {domain_id()}"
-    if remote.place:
-        return f"the program at {remote.place} offers no service"
+    if remote.address:
+        return f"the program at {remote.address} offers no service"
     return nothing_offered()

@@ -13,7 +13,7 @@ from operator import itemgetter
 import msgspec
 
 from taskrpc.core.transport.discovery.registry import domain_folder
-from taskrpc.spi import domain_id, file_locks, is_loopback, split_place
+from taskrpc.spi import domain_id, file_locks, is_loopback, split_address
 
 _LONGEST = 65_536
 """Bytes of the longest file that is read."""
@@ -40,7 +40,7 @@ class PageLink(msgspec.Struct, frozen=True):
     @property
     def is_local(self) -> bool:
         """Whether only this machine can reach the page, so that the plain link shows it."""
-        return is_loopback(split_place(self.url.rpartition("/")[2])[0])
+        return is_loopback(split_address(self.url.rpartition("/")[2])[0])
 
     @property
     def control_link(self) -> str:

@@ -25,35 +25,35 @@ class Remote:
     """The address to call, and the secrets for it; by default the programs of this machine.
 
     Attributes:
-        place: `host:port` or `unix:/path` of one program; "" for all that the transport finds.
+        address: `host:port` or `unix:/path` of one program; "" for all that the transport finds.
         transport, peers, tls, token: as `Node` takes them.
     """
 
     def __init__(
         self,
-        place: str = "",
+        address: str = "",
         tls: Tls | None = None,
         token: str | None = None,
         transport: str = "tcp",
     ) -> None:
-        # Only TCP calls one program by its address. Elsewhere the place is that of a router.
-        self.place = place if transport == "tcp" else ""
+        # Only TCP calls one program by its address. Elsewhere the address is that of a router.
+        self.address = address if transport == "tcp" else ""
         self.transport = transport
-        self.peers = [place] if place else None
+        self.peers = [address] if address else None
         self.tls = tls
         self.token = token
 
     @property
-    def places(self) -> list[str]:
+    def addresses(self) -> list[str]:
         """The addresses to call in addition to those in the registry of this machine."""
         from taskrpc.spi import environment_peers
 
         if self.transport != "tcp":
             return []
-        if self.place:
-            return [self.place]
+        if self.address:
+            return [self.address]
         lab = called_lab()
-        return environment_peers() or ([] if lab is None else [lab.place])
+        return environment_peers() or ([] if lab is None else [lab.address])
 
     def node(self, *, name: str = "") -> Node:
         """Return a node for a command; without a `name` it gets a hidden one."""
@@ -68,7 +68,7 @@ class Remote:
             token=self.token,
         )
 
-    async def listing(self, place: str) -> Listing:
+    async def listing(self, address: str) -> Listing:
         """Return the services and topics of the program at HOST:PORT.
 
         Raises AuthenticationFailed, ProtocolError, ConnectionLost, or the program's own error.
@@ -77,7 +77,9 @@ class Remote:
 
         token = self.token or os.environ.get("TASKRPC_TOKEN") or ""
         secret, lab = token.encode() or None, remembered_lab()
-        network = TcpNetwork(domain=domain_id(), peers=[place], token=secret, tls=self.tls, lab=lab)
+        network = TcpNetwork(
+            domain=domain_id(), peers=[address], token=secret, tls=self.tls, lab=lab
+        )
         endpoint = Endpoint(network)
         try:
             deadline = endpoint.loop.time() + LISTING_TIMEOUT
@@ -85,7 +87,7 @@ class Remote:
             found: Listing = await connection.resolve(Resolve(""), deadline).future
             return found
         except AuthenticationFailed as error:
-            hint = f"give the secret of {place} with --token-file or TASKRPC_TOKEN"
+            hint = f"give the secret of {address} with --token-file or TASKRPC_TOKEN"
             has_hint = bool(getattr(error, "__notes__", ()))
             raise error if has_hint else hinted(error, hint) from None
         finally:
@@ -110,7 +112,7 @@ def add_connect(parser: argparse.ArgumentParser) -> None:
     """Give a command `--connect`, `--transport`, and the options for the secrets."""
     group = parser.add_argument_group("a program on another machine")
     what = "Use the program there (or at unix:/path), not those of this machine"
-    group.add_argument("--connect", metavar="HOST:PORT", type=any_place, help=what)
+    group.add_argument("--connect", metavar="HOST:PORT", type=any_address, help=what)
     add_transport(group)
     add_secrets(group)
 
@@ -137,23 +139,23 @@ def add_discovery(parser: argparse.ArgumentParser, sim_time: str = "") -> None:
         add_ignored(parser, "-s", "--use-sim-time", action="store_true")
 
 
-def place(text: str) -> str:
+def address(text: str) -> str:
     """Return a valid `HOST:PORT` argument. Raises argparse's ArgumentTypeError."""
     from argparse import ArgumentTypeError
 
-    from taskrpc.spi import split_place
+    from taskrpc.spi import split_address
 
     try:
-        split_place(text)
+        split_address(text)
     except TaskRpcError as error:
         raise ArgumentTypeError(str(error)) from None
     return text
 
 
-def any_place(text: str) -> str:
+def any_address(text: str) -> str:
     """Return a valid `HOST:PORT` or `unix:/path`. Raises argparse's ArgumentTypeError."""
     if not text.startswith("unix:"):
-        return place(text)
+        return address(text)
     from argparse import ArgumentTypeError
 
     from taskrpc.spi import checked_unix
@@ -179,9 +181,9 @@ def remote_of(options: argparse.Namespace) -> Remote:
 
     Raises TaskRpcError for a file that cannot be read.
     """
-    place = getattr(options, "connect", None) or ""  # taskrpc-server has no --connect
+    address = getattr(options, "connect", None) or ""  # taskrpc-server has no --connect
     transport = getattr(options, "transport", "tcp")  # doctor and the gateways have no --transport
-    return Remote(place, _tls(options), _token(options.token_file), transport)
+    return Remote(address, _tls(options), _token(options.token_file), transport)
 
 
 def _tls(options: argparse.Namespace) -> Tls | None:

@@ -70,12 +70,12 @@ def _changed(options: argparse.Namespace, **values: object) -> argparse.Namespac
     return argparse.Namespace(**{**vars(options), **values})
 
 
-def _later_port(place: str | None, steps: int) -> str | None:
+def _later_port(address: str | None, steps: int) -> str | None:
     """Return the address with a later port; port 0, a free one, stays."""
-    if not place:
-        return place
-    host, _, port = place.rpartition(":")
-    return place if int(port) == 0 else f"{host}:{int(port) + steps}"
+    if not address:
+        return address
+    host, _, port = address.rpartition(":")
+    return address if int(port) == 0 else f"{host}:{int(port) + steps}"
 
 
 def _own_file(given: str | None, namespace: str) -> str | None:

@@ -188,15 +188,15 @@ class _Assignments:
 
     def _set(self, path: str, value: Any) -> None:
         *outer, name = path.split(".")
-        place = self._values
+        table = self._values
         for each in outer:
-            inner = place.setdefault(each, {})
+            inner = table.setdefault(each, {})
             if not isinstance(inner, dict):
                 raise FieldError(path, "given twice")
-            place = inner
-        if name in place:
+            table = inner
+        if name in table:
             raise FieldError(path, "given twice")
-        place[name] = value
+        table[name] = value
 
     def _value(self, path: str, text: str) -> Any:
         type_, nested = self._type_of(path)

@@ -54,16 +54,16 @@ async def _watch(options: Namespace, remote: Remote, console: Console | None) ->
     from taskrpc.observe.top.reading import Reader
 
     async with remote.node() as node:
-        reader = Reader(node, place=remote.place, period=options.period, hidden=options.all)
+        reader = Reader(node, address=remote.address, period=options.period, hidden=options.all)
         if console is None:
-            await _print(options, reader, remote.place)
+            await _print(options, reader, remote.address)
         else:
             from taskrpc.cli.top.screen import show
 
             await show(console, reader.read, options.period)
 
 
-async def _print(options: Namespace, reader: Reader, place: str) -> None:
+async def _print(options: Namespace, reader: Reader, address: str) -> None:
     """Print a block of lines, or one line of JSON, after each period.
 
     Raises ServiceUnavailable for `--once` if the only program to watch does not answer.
@@ -80,8 +80,8 @@ async def _print(options: Namespace, reader: Reader, place: str) -> None:
         await asyncio.sleep(due - loop.time())
         view = await reader.read()
         problems = [each.problem for each in reader.programs if each.statistics is None]
-        if options.once and place and len(problems) == len(reader.programs):
-            raise ServiceUnavailable(problems[0] or f"the program at {place} has no statistics")
+        if options.once and address and len(problems) == len(reader.programs):
+            raise ServiceUnavailable(problems[0] or f"the program at {address} has no statistics")
         print(_as_json(view) if options.json else _as_text(view), flush=True)
         if options.once:
             return

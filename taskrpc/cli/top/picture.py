@@ -168,8 +168,8 @@ def _digits(value: float) -> str:
 
 def _empty(view: View) -> str:
     where = f" in domain {view.domain}" if view.domain else ""
-    if view.place:
-        return f"No taskrpc program responds at {view.place}."
+    if view.address:
+        return f"No taskrpc program responds at {view.address}."
     text = _NO_PROGRAM.replace(" here", where or " here")
     if view.elsewhere:
         domain = view.elsewhere[0]
@@ -216,8 +216,8 @@ class _Painter:
         here = f"domain {view.domain}" if view.domain else "this machine"
         if view.nodes and not any(row.pid for row in view.nodes):  # such as the lab of a class
             here = " ".join(dict.fromkeys(row.program for row in view.nodes))
-        place = view.place or here
-        left, right = f"taskrpc top {self._signs.bullet} {place}", _clock(view.time)
+        address = view.address or here
+        left, right = f"taskrpc top {self._signs.bullet} {address}", _clock(view.time)
         room = (self._columns or 80) - len(right)
         title = (Span(fitted(left, room, self._signs.more), Role.TITLE), Span(right, Role.DIM))
         return [title, self._totals(view)] if view.nodes else [title]

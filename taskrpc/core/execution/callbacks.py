@@ -166,7 +166,7 @@ def problem_of_callback(callback: Any, description: str, parameters: tuple[str, 
         signature.bind(*parameters)
     except TypeError as error:
         name = getattr(callback, "__qualname__", repr(callback))
-        return f"{expected} {name}{signature}{_place_of(callback)}: {error}"
+        return f"{expected} {name}{signature}{_location_of(callback)}: {error}"
     return ""
 
 
@@ -179,7 +179,7 @@ def _is_plain(callback: Any, count: int) -> bool:
     return bool(callback.__code__.co_argcount == count and not callback.__code__.co_kwonlyargcount)
 
 
-def _place_of(callback: Callback) -> str:
+def _location_of(callback: Callback) -> str:
     """Where a callback is defined: ` at FILE:LINE`, "" if unknown."""
     function: Any = callback
     while isinstance(function, partial):

@@ -17,7 +17,7 @@ _FILE = "lab.json"
 class Lab(msgspec.Struct, frozen=True, kw_only=True):
     """A server on another machine that this user's programs call by default."""
 
-    place: str
+    address: str
     """`HOST:PORT`."""
     token: str
     """`NAME.SECRET` of this user's account there."""
@@ -36,7 +36,7 @@ class Lab(msgspec.Struct, frozen=True, kw_only=True):
 
     def __repr__(self) -> str:
         # Without the token, which must not appear in logs.
-        return f"Lab(place={self.place!r}, domain={self.domain}, namespace={self.namespace!r})"
+        return f"Lab(address={self.address!r}, domain={self.domain}, namespace={self.namespace!r})"
 
 
 def robot_namespace(number: int) -> str:

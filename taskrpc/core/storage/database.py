@@ -150,7 +150,7 @@ class Database:
     def _do(self, transaction: Callable[[int], None]) -> None:
         with store_errors(self._path, except_statements=True):
             self._check()
-            self._check_place()
+            self._check_path()
             number = self._take_number()
             try:
                 self._with_room(transaction, number)
@@ -219,7 +219,7 @@ class Database:
         if self._why_broken:
             raise StoreError(self._why_broken)
 
-    def _check_place(self) -> None:
+    def _check_path(self) -> None:
         if self._lock.is_lost and self._path.exists():  # else the whole folder was moved
             raise StoreError(
                 f"{self._path}: its lock {self._lock.path.name} was removed, so another server may"

@@ -46,8 +46,8 @@ def store_errors(path: Path, *, except_statements: bool = False) -> Iterator[Non
         with _translated(path, except_statements=except_statements):
             yield
     except (StoreError, OutcomeUnknown) as error:
-        place = path.resolve()
-        error.files = (str(path), str(place), str(place.parent))
+        real = path.resolve()
+        error.files = (str(path), str(real), str(real.parent))
         raise
 
 
@@ -82,12 +82,12 @@ def loss_text(path: Path, lock: Path, missing: int) -> str:
 
 
 def _system_text(path: Path, error: OSError) -> str:
-    place = path.resolve()
-    if isinstance(error, FileNotFoundError) and not place.parent.exists():
-        return f"{path}: there is no folder {place.parent}"
-    if place.is_dir():
+    real = path.resolve()
+    if isinstance(error, FileNotFoundError) and not real.parent.exists():
+        return f"{path}: there is no folder {real.parent}"
+    if real.is_dir():
         return f"{path}: expected a database, found a folder"
-    at = "" if error.filename in (None, str(place)) else f"{error.filename}: "
+    at = "" if error.filename in (None, str(real)) else f"{error.filename}: "
     return f"{path}: the database cannot be opened: {at}{error.strerror}"
 
 

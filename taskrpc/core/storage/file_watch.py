@@ -39,14 +39,14 @@ class FileWatch:
 
     def __init__(self, path: Path) -> None:
         real = path.resolve()
-        self._places = str(path), str(real.with_name(f"{real.name}-wal"))
-        self._known = [_state(place) for place in self._places]
+        self._paths = str(path), str(real.with_name(f"{real.name}-wal"))
+        self._known = [_state(path) for path in self._paths]
 
     def tampering(self) -> Tampering | None:
         """Return what another program has done to the files since the last change."""
-        for place, known in zip(self._places, self._known, strict=True):
-            if known is not None and (found := _state(place)) != known:
-                return _described(place, known, found)
+        for path, known in zip(self._paths, self._known, strict=True):
+            if known is not None and (found := _state(path)) != known:
+                return _described(path, known, found)
         return None
 
     def note(self) -> Tampering | None:
@@ -54,32 +54,32 @@ class FileWatch:
 
         Returns what another program has done to them during the change, as far as that is seen.
         """
-        before, self._known = self._known, [_state(place) for place in self._places]
-        for place, known, found in zip(self._places, before, self._known, strict=True):
+        before, self._known = self._known, [_state(path) for path in self._paths]
+        for path, known, found in zip(self._paths, before, self._known, strict=True):
             if known is not None and (found is None or found.identity != known.identity):
-                return _described(place, known, found)
+                return _described(path, known, found)
         file, known_file = self._known[0], before[0]
         # A change never makes the file itself smaller. SQLite may cut its log.
         if file is not None and known_file is not None and file.size < known_file.size:
-            return _described(self._places[0], known_file, file)
+            return _described(self._paths[0], known_file, file)
         return None
 
 
-def _state(place: str) -> _State | None:
+def _state(path: str) -> _State | None:
     try:
-        found = os.stat(place)
+        found = os.stat(path)
     except OSError:
         return None
     changed_at = 0 if sys.platform == "win32" else found.st_mtime_ns
     return _State((found.st_dev, found.st_ino), found.st_size, changed_at)
 
 
-def _described(place: str, known: _State, found: _State | None) -> Tampering:
+def _described(path: str, known: _State, found: _State | None) -> Tampering:
     again = "start the server again; if it refuses the file, restore a copy"
     if found is None or found.identity != known.identity:
-        fact = f"{place} was removed or replaced while it was in use"
+        fact = f"{path} was removed or replaced while it was in use"
         return Tampering(fact, f"put it back, or {again}")
-    fact = f"{place} was changed by another program while it was in use"
+    fact = f"{path} was changed by another program while it was in use"
     if found.size != known.size:
         fact += f" (expected {known.size} bytes, found {found.size})"
     return Tampering(fact, again)

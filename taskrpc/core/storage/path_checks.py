@@ -43,10 +43,10 @@ def refuse_strangers(path: Path) -> None:
 
     Raises StoreError.
     """
-    for place in (*reversed(path.parents), path):
-        if place.is_symlink() and private_files.is_writable_by_all(place.parent):
+    for each in (*reversed(path.parents), path):
+        if each.is_symlink() and private_files.is_writable_by_all(each.parent):
             raise StoreError(
-                f"{place} is a symbolic link in a folder where every user may write, so another"
+                f"{each} is a symbolic link in a folder where every user may write, so another"
                 " user may have made it; give the path of the file itself, in a folder of your own"
             )
     real = path.resolve()

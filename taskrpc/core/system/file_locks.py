@@ -110,10 +110,10 @@ def is_same_file(path: Path, known: os.stat_result) -> bool:
         return False
 
 
-def write_at(descriptor: int, data: bytes, place: int) -> None:
+def write_at(descriptor: int, data: bytes, offset: int) -> None:
     """Write into the middle of an open file; the file's position afterwards is undefined."""
     if sys.platform == "win32":
-        os.lseek(descriptor, place, os.SEEK_SET)
+        os.lseek(descriptor, offset, os.SEEK_SET)
         os.write(descriptor, data)
     else:
-        os.pwrite(descriptor, data, place)
+        os.pwrite(descriptor, data, offset)

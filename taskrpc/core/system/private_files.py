@@ -211,23 +211,23 @@ def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
     new = path.with_name(f"{path.name}.{os.getpid()}.new")
     with _folder_of(path) as folder:
 
-        def place(path: Path) -> str:
+        def name_of(path: Path) -> str:
             return str(path) if folder is None else path.name
 
         # The user that made it may be able to read it.
         with contextlib.suppress(FileNotFoundError):
-            os.unlink(place(new), dir_fd=folder)
-        descriptor = open_private(place(new), must_be_new=True, dir_fd=folder)
+            os.unlink(name_of(new), dir_fd=folder)
+        descriptor = open_private(name_of(new), must_be_new=True, dir_fd=folder)
         try:
             with os.fdopen(descriptor, "wb") as file:
                 file.write(content)
                 file.flush()
                 if sync:
                     os.fsync(file.fileno())
-            os.replace(place(new), place(path), src_dir_fd=folder, dst_dir_fd=folder)
+            os.replace(name_of(new), name_of(path), src_dir_fd=folder, dst_dir_fd=folder)
         except BaseException:
             with contextlib.suppress(FileNotFoundError):
-                os.unlink(place(new), dir_fd=folder)
+                os.unlink(name_of(new), dir_fd=folder)
             raise
 
 

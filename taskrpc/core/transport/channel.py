@@ -304,7 +304,7 @@ class RemoteChannel:
         # Another server may have appeared while one that is gone was tried.
         while addresses := await self._untried(tried):
             for name, address in addresses:
-                tried.add((name, address.place))
+                tried.add((name, address.text))
                 try:
                     return await self._reach(name, address)
                 except (TypeMismatch, AuthenticationFailed, PermissionDenied) as error:
@@ -319,7 +319,7 @@ class RemoteChannel:
         """The addresses of possible servers that are not among the `tried` names and places."""
         addresses = await self._find()
         self._has_addresses = bool(addresses)
-        return [(name, each) for name, each in addresses if (name, each.place) not in tried]
+        return [(name, each) for name, each in addresses if (name, each.text) not in tried]
 
     async def _find(self) -> list[tuple[str, Address]]:
         """Locate servers; while the network discovers programs, wait for the first server."""

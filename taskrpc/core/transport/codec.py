@@ -127,14 +127,14 @@ def _array_header(width: int) -> bytes:
     return bytes((0x90 | width,)) if width < 16 else bytes((0xDC, width >> 8, width & 0xFF))
 
 
-def _field_path(cls: type[MessageType] | None, places: list[str]) -> str:
+def _field_path(cls: type[MessageType] | None, steps: list[str]) -> str:
     """Return the path of a field: `poses[3].header.frame_id` for msgspec's indexes 1, 3, 0, 1."""
     path = ""
-    rest = iter(places)
-    for place in rest:
+    rest = iter(steps)
+    for step in rest:
         if cls is None:
-            return f"{path}[{place}]"
-        name, type_ = cls._FIELDS[int(place)]
+            return f"{path}[{step}]"
+        name, type_ = cls._FIELDS[int(step)]
         path += f".{name}" if path else name
         cls = cls._NESTED.get(name)
         if "[" in type_ and (index := next(rest, None)) is not None:
@@ -168,11 +168,11 @@ def _shape_of(cls: type[MessageType]) -> type[msgspec.Struct]:
     fields: list[tuple[str, Any]] = []
     hints = get_type_hints(cls)
     attributes = cast("Any", cls).__struct_fields__  # a keyword has an underscore at its end
-    for place, ((name, type_), attribute) in enumerate(zip(cls._FIELDS, attributes, strict=True)):
+    for index, ((name, type_), attribute) in enumerate(zip(cls._FIELDS, attributes, strict=True)):
         nested: Any = cls._NESTED.get(name)
         inner: Any = hints[attribute] if nested is None else _shape_of(nested)
         is_list = nested is not None and "[" in type_
-        fields.append((f"field_{place}", list[inner] if is_list else inner))
+        fields.append((f"field_{index}", list[inner] if is_list else inner))
     return msgspec.defstruct(
         cls.__name__, fields, array_like=True, forbid_unknown_fields=True, gc=False
     )

@@ -22,7 +22,7 @@ from taskrpc.core.transport.codec import ServiceType
 from taskrpc.core.transport.connection.client_side import CallingConnection
 from taskrpc.core.transport.connection.connection import READ_BUFFER, Connection, Traffic
 from taskrpc.core.transport.connection.deadline_timer import clock_of
-from taskrpc.core.transport.connection.dialling import READY_TIMEOUT, Dialler, placed
+from taskrpc.core.transport.connection.dialling import READY_TIMEOUT, Dialler, with_address
 from taskrpc.core.transport.connection.threads import ThreadHandoff
 from taskrpc.core.transport.discovery.availability import Availability
 from taskrpc.core.transport.discovery.entries import (
@@ -500,9 +500,9 @@ class Endpoint(ThreadHandoff):
             connection = await self.dialler.connection(address, deadline)
             listing = await connection.resolve(Resolve(""), deadline).future
         except TaskRpcError as error:
-            log.warning("%s", placed(address.place, error))
+            log.warning("%s", with_address(address.text, error))
             return None
-        return entry_of(address.place, listing)
+        return entry_of(address.text, listing)
 
     def _connections(self) -> list[Connection]:
         return [*self._served, *self.dialler.connections]

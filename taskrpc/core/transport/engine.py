@@ -42,13 +42,13 @@ class EngineEvents(Protocol):
     """What an engine reports; it calls these methods on the event loop, never inside `send`."""
 
     def received(self, datagram: bytes) -> None:
-        """Handle a datagram that was sent to this program's place; garbage is ignored."""
+        """Handle a datagram that was sent to this program's address; garbage is ignored."""
 
-    def program_seen(self, place: str, entry: bytes) -> None:
-        """Note that the taskrpc program at a place is there, with the entry that it announces."""
+    def program_seen(self, address: str, entry: bytes) -> None:
+        """Note that the taskrpc program at an address is there, and the entry that it announces."""
 
-    def program_gone(self, place: str) -> None:
-        """Note that the taskrpc program at a place has left, or cannot be reached any more."""
+    def program_gone(self, address: str) -> None:
+        """Note that the taskrpc program at an address has left, or cannot be reached any more."""
 
     def foreign_changed(self) -> None:
         """Note that `foreign_entries` or `foreign_servers` return something else now."""
@@ -95,7 +95,7 @@ class Engine(Protocol):
 
     name: str
     """The middleware as errors name it, such as `Zenoh`."""
-    place: str
+    address: str
     """The address to which other programs send this program's datagrams, "" before `open`."""
     discovery_ends: float
     """The instant on the loop's clock until which `open` may have missed a program, 0 if never."""
@@ -106,11 +106,11 @@ class Engine(Protocol):
         Programs that are there already should be reported before it returns.
         """
 
-    def send(self, place: str, datagram: bytes) -> None:
-        """Send a datagram of at most 64 KiB and a header to the program at a place.
+    def send(self, address: str, datagram: bytes) -> None:
+        """Send a datagram of at most 64 KiB and a header to the program at an address.
 
-        Two datagrams to one place keep their order. A datagram may get lost without notice:
-        connections detect it and end. A place may come from a stranger: the engine must not send
+        Two datagrams to one address keep their order. A datagram may get lost without notice:
+        connections detect it and end. An address may come from a stranger: the engine must not send
         anything outside its own names.
         """
 

@@ -120,7 +120,7 @@ class MemoryNetwork:
         self.token = token or self._hub.token
         # With the token of an account, calls are made as this account; else with the hub's tokens.
         self._account_token = token if account_of(token or b"") else None
-        self._place = ""
+        self._address = ""
 
     async def open(self) -> None:
         """Do nothing: the hub is there."""
@@ -128,10 +128,10 @@ class MemoryNetwork:
     def listen(self, factory: Factory) -> str:
         """Accept connections from now on; return the address."""
         self._hub.names += 1
-        self._place = f"memory:{self._hub.names}"
+        self._address = f"memory:{self._hub.names}"
         listener = Listener(self.program, factory, contextvars.copy_context())
-        self._hub.listeners[self._place] = listener
-        return self._place
+        self._hub.listeners[self._address] = listener
+        return self._address
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect. Raises OSError."""
@@ -139,11 +139,11 @@ class MemoryNetwork:
         listener, conditions = self._listener(address), self._hub.conditions
         if conditions is None:
             client = factory()
-            join(client, listener.factory(), address.place, context=listener.context)
+            join(client, listener.factory(), address.text, context=listener.context)
         else:
             await conditions.connect(self.program, listener)
             client = factory()
-            conditions.join(client, self.program, self._listener(address), address.place)
+            conditions.join(client, self.program, self._listener(address), address.text)
         return client
 
     def peer_credentials(self, transport: asyncio.BaseTransport, *, serving: bool) -> None:
@@ -154,9 +154,9 @@ class MemoryNetwork:
         return b""
 
     def _listener(self, address: Address) -> Listener:
-        listener = self._hub.listeners.get(address.place)
+        listener = self._hub.listeners.get(address.text)
         if listener is None:
-            raise ConnectionRefusedError(f"no server listens at {address.place}")
+            raise ConnectionRefusedError(f"no server listens at {address.text}")
         return listener
 
     def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
@@ -220,7 +220,7 @@ class MemoryNetwork:
 
     async def stop_listening(self) -> None:
         """Accept no more connections."""
-        self._hub.listeners.pop(self._place, None)
+        self._hub.listeners.pop(self._address, None)
 
     def close(self) -> None:
         """Leave the hub."""

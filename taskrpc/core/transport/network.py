@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 class Address(msgspec.Struct, frozen=True):
     """Where a process accepts calls, and how to prove identity there."""
 
-    place: str
-    """`host:port`, or the name of an endpoint in memory."""
+    text: str
+    """`host:port`, `unix:/path`, or the name of an endpoint in memory."""
     token: bytes
     """The secret that the caller must prove to know."""
     surely_offers: bool = False
@@ -44,7 +44,7 @@ class Address(msgspec.Struct, frozen=True):
     """The script of that process."""
 
     def __repr__(self) -> str:
-        return f"Address({self.place!r})"  # without the token: it must not appear in logs
+        return f"Address({self.text!r})"  # without the token: it must not appear in logs
 
 
 Factory = Callable[[], asyncio.BufferedProtocol]

@@ -91,7 +91,7 @@ def like(service: str, entries: Iterable[RegistryEntry], *, searches_domains: bo
 def nothing_offered() -> str:
     """Return the hint if no program of this machine offers any service."""
     if (lab := remembered_lab()) and not environment_peers():
-        return f"neither this machine nor the lab at {lab.place} offers a service: taskrpc doctor"
+        return f"neither this machine nor the lab at {lab.address} offers a service: taskrpc doctor"
     where = f"on this machine in domain {domain_id()}"
     return f"no taskrpc program offers a service {where}; start one, for example taskrpc-server"
 

@@ -46,11 +46,11 @@ class _Reader:
 
     async def of_peer(self, address: Address) -> ProgramStatistics:
         """Ask a program for its services and nodes too."""
-        entry = entry_of(address.place, Listing([], [], []))
+        entry = entry_of(address.text, Listing([], [], []))
         try:
             connection = await self._dialler.connection(address, self._deadline)
             listing = await connection.resolve(Resolve(""), self._deadline).future
-            entry = entry_of(address.place, listing)
+            entry = entry_of(address.text, listing)
             return ProgramStatistics(entry, await self._statistics(address))
         except TaskRpcError as error:
             return ProgramStatistics(entry, None, _why_unmeasured(address, error))

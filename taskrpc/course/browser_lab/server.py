@@ -18,7 +18,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any, Final
 
 from taskrpc.errors import CannotListen
-from taskrpc.spi import join_place, os_errors
+from taskrpc.spi import join_address, os_errors
 
 PORT: Final = 8737
 """The default port; it is always the same, because browsers keep the students' files for it."""
@@ -77,7 +77,7 @@ class LabServer(ThreadingHTTPServer):
     def url_at(self, host: str) -> str:
         """Return the address of the page at a host of this machine."""
         scheme = "http" if self._context is None else "https"
-        return f"{scheme}://{join_place(host, self.server_port)}/"
+        return f"{scheme}://{join_address(host, self.server_port)}/"
 
     def finish_request(self, request: Any, client_address: Any) -> None:
         """Serve one connection, in its own thread; with TLS, redirect plain HTTP."""

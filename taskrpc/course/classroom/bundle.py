@@ -58,7 +58,7 @@ def make_bundle(
     """
     missing: list[str] = []
     try:
-        _check_place(folder, wanted)
+        _check_folder(folder, wanted)
         wheels = folder / WHEELS
         wheels.mkdir(exist_ok=True)
         remove_wrong(wheels)
@@ -107,7 +107,7 @@ def check_bundle(folder: Path, report: Report, pip: Pip | None = None) -> int:
     return len([*wanted.sets()])
 
 
-def _check_place(folder: Path, wanted: Wanted) -> None:
+def _check_folder(folder: Path, wanted: Wanted) -> None:
     """Create the folder. Raises TaskRpcError if it cannot be written or is too small."""
     try:
         folder.mkdir(parents=True, exist_ok=True)

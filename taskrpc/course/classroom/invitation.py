@@ -24,7 +24,7 @@ most strings have 200."""
 
 
 # Anybody can make a join string, and a laptop prints, calls and stores its fields: check them.
-_Place = Annotated[
+_Address = Annotated[
     str,
     Meta(
         max_length=300,
@@ -43,7 +43,7 @@ _LATEST = 32_503_680_000
 class Invitation(msgspec.Struct, array_like=True, frozen=True):
     """The contents of a join string."""
 
-    places: Annotated[tuple[_Place, ...], Meta(min_length=1, max_length=16)]
+    addresses: Annotated[tuple[_Address, ...], Meta(min_length=1, max_length=16)]
     """`HOST:PORT`, the most probable one first."""
     fingerprint: Annotated[bytes, Meta(min_length=32, max_length=32)]
     """SHA-256 of the server's certificate (DER)."""
@@ -58,7 +58,7 @@ class Invitation(msgspec.Struct, array_like=True, frozen=True):
 
     def __repr__(self) -> str:
         # Without the token, because printed texts end up in logs.
-        return f"Invitation({', '.join(self.places)}, {self.namespace})"
+        return f"Invitation({', '.join(self.addresses)}, {self.namespace})"
 
 
 def to_join_string(invitation: Invitation) -> str:
@@ -82,7 +82,7 @@ def from_join_string(text: str) -> Invitation:
     for index, letter in enumerate(letters, len(PREFIX) + 1):
         if letter not in _ALPHABET:
             raise TaskRpcError(
-                f"the join string has {letter!r} at place {index}, which is never valid"
+                f"the join string has {letter!r} at position {index}, which is never valid"
             )
     body = _body(letters)
     if body is None:
@@ -106,8 +106,8 @@ def _damage(letters: str) -> str:
     for index, letter in enumerate(letters if len(letters) <= _LONGEST_TO_MEND else ""):
         before, after = letters[:index], letters[index + 1 :]
         if any(_body(before + other + after) is not None for other in _ALPHABET):
-            place = len(PREFIX) + index + 1
-            return f"the join string is mistyped: the character at place {place}, {letter!r}"
+            position = len(PREFIX) + index + 1
+            return f"the join string is mistyped: the character at position {position}, {letter!r}"
     return "the join string is incomplete, or several characters are wrong: copy it whole"
 
 

@@ -9,7 +9,7 @@ import time
 from taskrpc.course.classroom.authority import fingerprint
 from taskrpc.course.classroom.invitation import Invitation
 from taskrpc.errors import AuthenticationFailed, ServiceUnavailable, TaskRpcError
-from taskrpc.spi import Endpoint, Lab, Listing, Resolve, TcpNetwork, split_place
+from taskrpc.spi import Endpoint, Lab, Listing, Resolve, TcpNetwork, split_address
 
 TIMEOUT = 4.0
 """Seconds for each address of a join string."""
@@ -26,9 +26,9 @@ def find_lab(invitation: Invitation) -> Lab:
     if 0 < expires <= time.time():
         when = time.strftime("%Y-%m-%d %H:%M", time.localtime(expires))
         raise AuthenticationFailed(f"the join string expired at {when}: ask for a new one")
-    place, certificate = _shown(invitation)
+    address, certificate = _shown(invitation)
     return Lab(
-        place=place,
+        address=address,
         token=invitation.token,
         certificate=certificate,
         domain=invitation.domain,
@@ -43,7 +43,7 @@ async def visit(lab: Lab) -> Listing:
     Raises AuthenticationFailed if the server rejects the token, and ConnectionLost if no server
     answers.
     """
-    endpoint = Endpoint(TcpNetwork(domain=lab.domain, peers=[lab.place], lab=lab))
+    endpoint = Endpoint(TcpNetwork(domain=lab.domain, peers=[lab.address], lab=lab))
     try:
         deadline = endpoint.loop.time() + TIMEOUT
         connection = await endpoint.dialler.connection(endpoint.network.peers()[0], deadline)
@@ -62,30 +62,30 @@ def _shown(invitation: Invitation) -> tuple[str, str]:
     """Return the first address that shows the expected certificate, and the certificate."""
     silent: list[str] = []
     others: list[str] = []
-    for place in invitation.places:
+    for address in invitation.addresses:
         try:
-            certificate = ssl.get_server_certificate(split_place(place), timeout=TIMEOUT)
+            certificate = ssl.get_server_certificate(split_address(address), timeout=TIMEOUT)
         except OSError as error:  # includes TLS errors and timeouts
-            silent.append(f"{place}: {_reason(error)}")
+            silent.append(f"{address}: {_reason(error)}")
             continue
         if fingerprint(certificate) == invitation.fingerprint:
-            return place, certificate
-        others.append(place)
+            return address, certificate
+        others.append(address)
     raise _impostor(others[0]) if others else _unreachable(silent)
 
 
-def _impostor(place: str) -> TaskRpcError:
+def _impostor(address: str) -> TaskRpcError:
     return AuthenticationFailed(
-        f"{place} shows another certificate than the join string says: it is another server, or"
+        f"{address} shows another certificate than the join string says: it is another server, or"
         " the lab's server has a new one; ask for a new join string"
     )
 
 
 def _unreachable(silent: list[str]) -> TaskRpcError:
     where = "; ".join(silent)
-    place = silent[0].rpartition(": ")[0]
+    address = silent[0].rpartition(": ")[0]
     error = ServiceUnavailable(f"the lab's server cannot be reached: {where}")
-    error.add_note(f"`taskrpc doctor {place}` finds out why")
+    error.add_note(f"`taskrpc doctor {address}` finds out why")
     return error
 
 

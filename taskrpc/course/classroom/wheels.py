@@ -123,8 +123,8 @@ def check(
     with tempfile.TemporaryDirectory() as target:
         for what, options in wanted.sets():
             report(what)
-            place = ["--no-index", "--find-links", str(folder), "--target", target]
-            pip(["install", "--dry-run", *place, *options, *wanted.requirements], what)
+            folders = ["--no-index", "--find-links", str(folder), "--target", target]
+            pip(["install", "--dry-run", *folders, *options, *wanted.requirements], what)
 
 
 def check_wheel(path: Path) -> None:

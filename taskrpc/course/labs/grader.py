@@ -58,13 +58,13 @@ async def grade(request: Request, student: str, on_result: OnResult = lambda _: 
                     failures.append(error)
                     tree.kill()
 
-    place = tempfile.mkdtemp(prefix="taskrpc-lab-")
-    request = msgspec.structs.replace(request, place=place)
+    scratch = tempfile.mkdtemp(prefix="taskrpc-lab-")
+    request = msgspec.structs.replace(request, scratch=scratch)
     command = boot.command("worker", msgspec.json.encode(request).decode())
     try:
         tree = await ProcessTree.start(command, written, env=system_environment())
     except BaseException:
-        os.rmdir(place)
+        os.rmdir(scratch)
         raise
     stopped = ""
     try:
@@ -80,7 +80,7 @@ async def grade(request: Request, student: str, on_result: OnResult = lambda _: 
         with contextlib.suppress(asyncio.CancelledError):
             await asyncio.shield(tree.wait())
         with contextlib.suppress(OSError):  # without a sandbox, the supervisor removes it too
-            remove(Path(place))
+            remove(Path(scratch))
     if failures:
         raise failures[0]
     stopped = next((each.reason for each in lines if isinstance(each, Stopped)), stopped)

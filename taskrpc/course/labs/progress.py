@@ -78,8 +78,8 @@ class Progress:
 def checksum(source: Path, *settings: object) -> str:
     """Return a text that changes with a submission or the settings; "" if it cannot be read."""
     found = hashlib.sha256(repr(settings).encode())
-    with tempfile.TemporaryDirectory(prefix="taskrpc-lab-") as place:
-        copy = Path(place, "copy")
+    with tempfile.TemporaryDirectory(prefix="taskrpc-lab-") as scratch:
+        copy = Path(scratch, "copy")
         try:
             take(source, copy)
         except TaskRpcError:

@@ -103,16 +103,16 @@ def find_lab(folder: Path, wanted: int | None) -> Path:
 
     Raises TaskRpcError if there are several labs, and not exactly one of them is wanted.
     """
-    places = sorted(each.parent for each in folder.rglob(RECORD))
-    if len(places) < 2 or folder in places:
+    candidates = sorted(each.parent for each in folder.rglob(RECORD))
+    if len(candidates) < 2 or folder in candidates:
         return folder
-    records = [(place, read_record(place)) for place in places]
-    labs = [(record[0], place) for place, record in records if record]
-    found = [place for number, place in labs if number == wanted]
+    records = [(candidate, read_record(candidate)) for candidate in candidates]
+    labs = [(record[0], candidate) for candidate, record in records if record]
+    found = [candidate for number, candidate in labs if number == wanted]
     if len(found) == 1:
         return found[0]
     names = ", ".join(
-        f"lab {number} in {place.relative_to(folder).as_posix()}" for number, place in labs
+        f"lab {number} in {candidate.relative_to(folder).as_posix()}" for number, candidate in labs
     )
     what = "a lab" if wanted is None else f"lab {wanted}"
     raise TaskRpcError(
@@ -128,8 +128,12 @@ def find_root(folder: Path, names: Iterable[str]) -> Path:
     """
     wanted = tuple(names)
     for level in range(3):
-        places = [folder] if level == 0 else sorted(folder.glob("/".join("*" * level)))
-        found = [place for place in places if any((place / name).is_file() for name in wanted)]
+        candidates = [folder] if level == 0 else sorted(folder.glob("/".join("*" * level)))
+        found = [
+            candidate
+            for candidate in candidates
+            if any((candidate / name).is_file() for name in wanted)
+        ]
         if found:
             return found[0] if len(found) == 1 else folder
     return folder

@@ -34,8 +34,8 @@ class Variant:
         """Return all the options in an order of their own."""
         if not self.id:
             return list(options)
-        places = sorted(range(len(options)), key=lambda place: self._derived(f"{name}/{place}"))
-        return [options[place] for place in places]
+        order = sorted(range(len(options)), key=lambda index: self._derived(f"{name}/{index}"))
+        return [options[index] for index in order]
 
     def _derived(self, name: str) -> int:
         if not self.id:

@@ -41,10 +41,10 @@ def is_ours(error: BaseException) -> bool:
 
 
 def _interrupted(traceback: TracebackType | None, location: Location) -> list[str]:
-    place, frames = excepthook.program_line(traceback), _frames(traceback)
-    if place is None or not any(file.startswith(OWN) for file, _ in frames):
+    where, frames = excepthook.program_line(traceback), _frames(traceback)
+    if where is None or not any(file.startswith(OWN) for file, _ in frames):
         return []  # it was the student's own code that was interrupted
-    line = f"{location(*place)}KeyboardInterrupt: the cell was interrupted while it waited"
+    line = f"{location(*where)}KeyboardInterrupt: the cell was interrupted while it waited"
     if any(name == "spin" and file.startswith(OWN) for file, name in frames):
         line += "\n  hint: taskrpc.course.notebook.spin(node) spins a node while other cells run"
     return [line]

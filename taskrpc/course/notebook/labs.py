@@ -25,13 +25,13 @@ class NotebookLab:
 
     Args:
         number: the number of the lab.
-        place: the folder of the notebook.
+        folder: the folder of the notebook.
         run: runs a Python file.
     """
 
-    def __init__(self, number: int, place: Path, run: Run) -> None:
+    def __init__(self, number: int, folder: Path, run: Run) -> None:
         self.lab: Lab = catalogue.lab(number)
-        self.folder = place / f"lab{number}"
+        self.folder = folder / f"lab{number}"
         self._run = run
         self._programs = Programs()
 
@@ -51,13 +51,13 @@ class NotebookLab:
 
     def write(self, name: str, text: str) -> None:
         """Write a file of the lab; a Python file also runs, and a definition is checked."""
-        place = self.folder.resolve()
-        path = place if "\0" in name else (place / name).resolve()
-        if path == place or not path.is_relative_to(place):
+        folder = self.folder.resolve()
+        path = folder if "\0" in name else (folder / name).resolve()
+        if path == folder or not path.is_relative_to(folder):
             raise TaskRpcError(
                 f"%%lab: expected a file of the lab, such as {self.lab.files[0]}, got {name!r}"
             )
-        if path.suffix in _DEFINITIONS and len(path.relative_to(place).parts) < 3:
+        if path.suffix in _DEFINITIONS and len(path.relative_to(folder).parts) < 3:
             kind = path.suffix[1:]
             raise TaskRpcError(
                 f"%%lab: expected a definition in PACKAGE/{kind}/{path.name}, got {name!r}"

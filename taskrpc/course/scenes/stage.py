@@ -131,11 +131,13 @@ def private_folders() -> Iterator[Path]:
     Yields a new folder that is empty.
     """
     before = dict(os.environ)
-    with tempfile.TemporaryDirectory(prefix="taskrpc-scene-", ignore_cleanup_errors=True) as place:
+    with tempfile.TemporaryDirectory(
+        prefix="taskrpc-scene-", ignore_cleanup_errors=True
+    ) as scratch:
         try:
-            os.environ.update(dict.fromkeys(_FOLDERS, place))
+            os.environ.update(dict.fromkeys(_FOLDERS, scratch))
             os.environ.pop("TASKRPC_PEERS", None)
-            folder = Path(place, "program")
+            folder = Path(scratch, "program")
             folder.mkdir()
             yield folder
         finally:

@@ -25,18 +25,18 @@ _CODES = {element: made._CODE for element, made in ARRAY_CLASSES.items()}
 def to_ros(ours: Any, ros: Any) -> Convert:
     """Return the function that turns a checked message of ours into a message of ROS."""
     fields = [
-        (attribute, place, _to_ros_value(type_, ours._NESTED.get(name), nested))
-        for name, type_, attribute, place, nested in _fields(ours, ros)
+        (attribute, ros_name, _to_ros_value(type_, ours._NESTED.get(name), nested))
+        for name, type_, attribute, ros_name, nested in _fields(ours, ros)
     ]
-    plain = [(attribute, place) for attribute, place, convert in fields if convert is None]
+    plain = [(attribute, ros_name) for attribute, ros_name, convert in fields if convert is None]
     converted = [each for each in fields if each[2] is not None]
 
     def convert(message: Any) -> Any:
         made = ros()
-        for attribute, place in plain:
-            setattr(made, place, getattr(message, attribute))
-        for attribute, place, change in converted:
-            setattr(made, place, change(getattr(message, attribute)))  # type: ignore[misc]
+        for attribute, ros_name in plain:
+            setattr(made, ros_name, getattr(message, attribute))
+        for attribute, ros_name, change in converted:
+            setattr(made, ros_name, change(getattr(message, attribute)))  # type: ignore[misc]
         return made
 
     return convert
@@ -49,14 +49,14 @@ def from_ros(ours: Any, ros: Any) -> Convert:
     The result is not checked: a text that ROS allows may be longer than its bound.
     """
     fields = [
-        (attribute, place, _from_ros_value(type_, ours._NESTED.get(name), nested))
-        for name, type_, attribute, place, nested in _fields(ours, ros)
+        (attribute, ros_name, _from_ros_value(type_, ours._NESTED.get(name), nested))
+        for name, type_, attribute, ros_name, nested in _fields(ours, ros)
     ]
 
     def convert(message: Any) -> Any:
         values = {
-            attribute: change(getattr(message, place)) if change else getattr(message, place)
-            for attribute, place, change in fields
+            attribute: change(getattr(message, ros_name)) if change else getattr(message, ros_name)
+            for attribute, ros_name, change in fields
         }
         return ours(**values)
 
@@ -69,9 +69,9 @@ def _fields(ours: type[Any], ros: type[Any]) -> list[tuple[str, str, str, str, A
     default = ros()
     found = []
     for (name, type_), attribute in zip(ours._FIELDS, attributes, strict=True):
-        place = name if hasattr(default, name) else f"{name}_"
+        ros_name = name if hasattr(default, name) else f"{name}_"
         nested = _ros_class(ros, name, ours._NESTED[name]) if name in ours._NESTED else None
-        found.append((name, type_, attribute, place, nested))
+        found.append((name, type_, attribute, ros_name, nested))
     return found
 
 

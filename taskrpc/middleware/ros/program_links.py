@@ -22,7 +22,7 @@ log = logging.getLogger("taskrpc.transport")
 
 NODE = "_taskrpc_"
 """The beginning of the node names; ROS hides names with an underscore."""
-_PLACE = "ros/"
+_ADDRESS = "ros/"
 _ID = re.compile(r"[0-9a-f]{16}")
 LEASE = 4.0
 """Seconds after which a silent program counts as gone."""
@@ -38,9 +38,9 @@ def id_of_node(name: str) -> str:
     return found if found != name and _ID.fullmatch(found) else ""
 
 
-def place_of(program: str) -> str:
+def address_of(program: str) -> str:
     """Return the place of a program."""
-    return _PLACE + program
+    return _ADDRESS + program
 
 
 class ProgramLinks:
@@ -92,11 +92,11 @@ class ProgramLinks:
         if self._events is not None:
             self._announcer.publish(bytes_message.pack(entry))
 
-    def send(self, place: str, datagram: bytes) -> None:
+    def send(self, address: str, datagram: bytes) -> None:
         """Send a datagram; it waits until DDS has connected the two programs."""
         if self._events is None:
             return
-        key = place.removeprefix(_PLACE)
+        key = address.removeprefix(_ADDRESS)
         program = self._programs.get(key)
         if program is not None:
             program.send(datagram)
@@ -159,14 +159,14 @@ class ProgramLinks:
             return
         if program.is_alive and program.entry is not None:
             program.is_reported = True
-            self._events.program_seen(place_of(program.id), program.entry)
+            self._events.program_seen(address_of(program.id), program.entry)
         elif program.is_reported:
             program.is_reported = False
             self._report_gone(program.id)
 
     def _report_gone(self, program: str) -> None:
         if self._events is not None:
-            self._events.program_gone(place_of(program))
+            self._events.program_gone(address_of(program))
 
     def _received(self, body: bytes) -> None:
         datagram = bytes_message.unpack(body)

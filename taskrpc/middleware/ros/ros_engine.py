@@ -17,7 +17,7 @@ from taskrpc.middleware.ros.graph import ENCLAVE, Graph
 from taskrpc.middleware.ros.installed import NotBuilt, real_rclpy, ros_class
 from taskrpc.middleware.ros.native_services import NativeClient, NativeServer, Unserved
 from taskrpc.middleware.ros.native_topics import Carrier, NativePublisher, NativeSubscription
-from taskrpc.middleware.ros.program_links import NODE, ProgramLinks, place_of
+from taskrpc.middleware.ros.program_links import NODE, ProgramLinks, address_of
 from taskrpc.middleware.ros.security import is_on, security_problem
 from taskrpc.middleware.ros.spinning import Ending, Spinner, wait_until_sent
 from taskrpc.spi import (
@@ -65,7 +65,7 @@ class RosEngine:
     name = "ROS 2"
 
     def __init__(self, domain: int) -> None:
-        self.place = ""
+        self.address = ""
         self.discovery_ends = 0.0
         self._domain = domain
         self._ros = real_rclpy()
@@ -88,7 +88,7 @@ class RosEngine:
         self._clients: dict[tuple[str, str], NativeClient] = {}
         """By name and type hash of the service."""
         self._entries: dict[str, RegistryEntry] = {}
-        """The entries of the other taskrpc programs by place."""
+        """The entries of the other taskrpc programs by address."""
         self._looking: asyncio.TimerHandle | None = None
         self._refused: set[str] = set()
         """The packages for which a warning was logged."""
@@ -104,7 +104,7 @@ class RosEngine:
         except Exception as error:  # rclpy's own errors have no common class
             problem = security_problem(os.environ, str(error), os.path.isdir) or error
             raise TaskRpcError(f"ROS 2 cannot start here: {problem}") from None
-        self.place = place_of(self._id)
+        self.address = address_of(self._id)
         self.discovery_ends = self._loop.time() + DISCOVERY
         self._events = events
         self._links.open(self._node, self._id, _Reports(self, events))
@@ -136,9 +136,9 @@ class RosEngine:
             if passed > _LONGEST_SETTLE or (passed > least and not self._links.awaited):
                 return
 
-    def send(self, place: str, datagram: bytes) -> None:
+    def send(self, address: str, datagram: bytes) -> None:
         """Send a datagram."""
-        self._links.send(place, datagram)
+        self._links.send(address, datagram)
 
     def announce(self, entry: bytes) -> None:
         """Show this program to the others."""
@@ -192,15 +192,15 @@ class RosEngine:
         servers = [] if self._graph is None else self._graph.servers(service)
         return [ForeignServer(each.type_name, each.type_hash, each.node) for each in servers]
 
-    def program_seen(self, place: str, entry: bytes) -> None:
+    def program_seen(self, address: str, entry: bytes) -> None:
         """Note the nodes of another taskrpc program, which are not foreign."""
         with contextlib.suppress(ProtocolError):  # the tunnel logs it
-            self._entries[place] = entry_in(entry, place)
+            self._entries[address] = entry_in(entry, address)
         self._read()
 
-    def program_gone(self, place: str) -> None:
+    def program_gone(self, address: str) -> None:
         """Forget the nodes of a program."""
-        self._entries.pop(place, None)
+        self._entries.pop(address, None)
 
     def _look(self) -> None:
         """Compare ROS's graph with that of the last look, again and again."""
@@ -346,12 +346,12 @@ class _Reports:
         self.interrupted = events.interrupted
         self.resumed = events.resumed
 
-    def program_seen(self, place: str, entry: bytes) -> None:
+    def program_seen(self, address: str, entry: bytes) -> None:
         """Note a program."""
-        self._engine.program_seen(place, entry)
-        self._events.program_seen(place, entry)
+        self._engine.program_seen(address, entry)
+        self._events.program_seen(address, entry)
 
-    def program_gone(self, place: str) -> None:
+    def program_gone(self, address: str) -> None:
         """Forget a program."""
-        self._engine.program_gone(place)
-        self._events.program_gone(place)
+        self._engine.program_gone(address)
+        self._events.program_gone(address)

@@ -77,8 +77,8 @@ def configuration_of(
 
 def start_command(router: str) -> str:
     """Return the command that starts a router at an address as a client writes it."""
-    protocol, _, place = router.partition("/")
-    host, _, port = place.rpartition(":")
+    protocol, _, address = router.partition("/")
+    host, _, port = address.rpartition(":")
     if protocol != "tcp":
         return f"taskrpc router --listen {router}"
     if is_loopback(router):
@@ -112,19 +112,19 @@ def overrides(text: str) -> list[tuple[str, str]]:
     return found
 
 
-def locator(place: str) -> str:
+def locator(address: str) -> str:
     """Return an address as Zenoh writes it: `tcp/HOST:PORT`. Raises TaskRpcError."""
-    if _LOCATOR.fullmatch(place):
-        return place
-    found = _HOST.fullmatch(place)
+    if _LOCATOR.fullmatch(address):
+        return address
+    found = _HOST.fullmatch(address)
     if found is None:
         raise TaskRpcError(
-            f"the address of a Zenoh router: expected HOST:PORT or tcp/HOST:PORT, got {place!r}"
+            f"the address of a Zenoh router: expected HOST:PORT or tcp/HOST:PORT, got {address!r}"
         )
     return f"tcp/{found[1]}:{found[2] or DEFAULT_PORT}"
 
 
-def is_loopback(place: str) -> bool:
+def is_loopback(address: str) -> bool:
     """Whether only programs of this machine reach the address of a locator."""
-    host = place.partition("/")[2].rpartition(":")[0].strip("[]")
+    host = address.partition("/")[2].rpartition(":")[0].strip("[]")
     return is_loopback_host(host)

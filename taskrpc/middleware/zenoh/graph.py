@@ -30,10 +30,10 @@ class Graph:
         """Remove a token; return it if it was there."""
         token = self._tokens.pop(key, None)
         if token is not None:
-            place = token.kind, token.name
-            del self._named[place][key]
-            if not self._named[place]:
-                del self._named[place]
+            named = token.kind, token.name
+            del self._named[named][key]
+            if not self._named[named]:
+                del self._named[named]
         return token
 
     def clear(self) -> None:

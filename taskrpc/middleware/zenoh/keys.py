@@ -17,7 +17,7 @@ import re
 
 _DDS_TYPE = re.compile(r"(\w+)::(\w+)::dds_::(\w+)_")
 _TYPE = re.compile(r"(\w+)/(\w+)/(\w+)")
-_PLACE = re.compile(r"[0-9a-f]{1,32}")
+_ADDRESS = re.compile(r"[0-9a-f]{1,32}")
 
 
 def data_key(domain: int, name: str, type_name: str, type_hash: str) -> str:
@@ -47,27 +47,27 @@ def demangle(part: str) -> str:
     return part.replace("%", "/")
 
 
-def alive_key(domain: int, place: str = "*") -> str:
+def alive_key(domain: int, address: str = "*") -> str:
     """Return the key of a taskrpc program's liveliness token, by default of all programs."""
-    return f"taskrpc/{domain}/alive/{place}"
+    return f"taskrpc/{domain}/alive/{address}"
 
 
-def entry_key(domain: int, place: str = "*") -> str:
+def entry_key(domain: int, address: str = "*") -> str:
     """Return the key of what a taskrpc program offers, by default of all programs."""
-    return f"taskrpc/{domain}/entry/{place}"
+    return f"taskrpc/{domain}/entry/{address}"
 
 
-def inbox_key(domain: int, place: str) -> str:
+def inbox_key(domain: int, address: str) -> str:
     """Return the key of a taskrpc program's datagrams."""
-    return f"taskrpc/{domain}/inbox/{place}"
+    return f"taskrpc/{domain}/inbox/{address}"
 
 
-def place_of(key: str) -> str:
-    """Return the place in the key of a taskrpc program, "" for garbage."""
-    place = key.rpartition("/")[2]
-    return place if is_place(place) else ""
+def address_of(key: str) -> str:
+    """Return the address in the key of a taskrpc program, "" for garbage."""
+    address = key.rpartition("/")[2]
+    return address if is_address(address) else ""
 
 
-def is_place(text: str) -> bool:
+def is_address(text: str) -> bool:
     """Whether a text can be the id of a session. A wildcard would reach all programs."""
-    return _PLACE.fullmatch(text) is not None
+    return _ADDRESS.fullmatch(text) is not None

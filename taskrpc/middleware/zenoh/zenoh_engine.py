@@ -87,7 +87,7 @@ class ZenohEngine:
     discovery_ends = 0.0  # `open` asks for all programs
 
     def __init__(self, domain: int, configuration: Configuration) -> None:
-        self.place = ""
+        self.address = ""
         self._domain = domain
         self._configuration = configuration
         self._loop = asyncio.get_running_loop()
@@ -103,7 +103,7 @@ class ZenohEngine:
         """What this program has announced."""
         self._entry_publisher: zenoh.Publisher
         self._publishers: OrderedDict[str, zenoh.Publisher] = OrderedDict()
-        """The publishers of datagrams by place, the most recently declared last."""
+        """The publishers of datagrams by address, the most recently declared last."""
         self._programs: set[str] = set()
         """The places of taskrpc programs, this one included."""
         self._graph = Graph()
@@ -134,17 +134,17 @@ class ZenohEngine:
             session.close()
             return
         self._opened = session
-        self.place = str(session.zid())
-        self._programs.add(self.place)
+        self.address = str(session.zid())
+        self._programs.add(self.address)
         await asyncio.to_thread(self._join, session)
         self._handoff.drain()
 
     def _join(self, session: zenoh.Session) -> None:
         """Declare what this program listens to; runs in a thread, because it waits."""
-        domain, place, callback = self._domain, self.place, partial(handler, self._handoff)
+        domain, address, callback = self._domain, self.address, partial(handler, self._handoff)
         live = session.liveliness()
         alive, entries, own = keys.alive_key(domain), keys.entry_key(domain), self._answer
-        entry_key, inbox_key = keys.entry_key(domain, place), keys.inbox_key(domain, place)
+        entry_key, inbox_key = keys.entry_key(domain, address), keys.inbox_key(domain, address)
         self._entry_publisher = session.declare_publisher(
             entry_key, congestion_control=zenoh.CongestionControl.BLOCK
         )
@@ -159,7 +159,7 @@ class ZenohEngine:
             live.declare_subscriber(
                 all_tokens(domain), callback(self._token_changed), history=True
             ),
-            live.declare_token(keys.alive_key(domain, place)),
+            live.declare_token(keys.alive_key(domain, address)),
         ]
         # When these questions are answered, the tokens of all running programs have arrived.
         _wait_for(lambda over: self._ask_entries(session, entries, over))
@@ -169,23 +169,23 @@ class ZenohEngine:
             )
         )
 
-    def send(self, place: str, datagram: bytes) -> None:
+    def send(self, address: str, datagram: bytes) -> None:
         """Send a datagram."""
-        publisher = self._publishers.get(place)
+        publisher = self._publishers.get(address)
         if publisher is None:
-            if self._opened is None or not keys.is_place(place):
+            if self._opened is None or not keys.is_address(address):
                 return
-            publisher = self._inbox_publisher(self._opened, place)
+            publisher = self._inbox_publisher(self._opened, address)
         with contextlib.suppress(
             zenoh.ZError
         ):  # The receiver misses the datagram's number, and ends the connection.
             publisher.put(datagram)
 
-    def _inbox_publisher(self, session: zenoh.Session, place: str) -> zenoh.Publisher:
+    def _inbox_publisher(self, session: zenoh.Session, address: str) -> zenoh.Publisher:
         if len(self._publishers) >= MAX_PUBLISHERS:
             self._publishers.popitem(last=False)[1].undeclare()
-        publisher = self._publishers[place] = session.declare_publisher(
-            keys.inbox_key(self._domain, place),
+        publisher = self._publishers[address] = session.declare_publisher(
+            keys.inbox_key(self._domain, address),
             # A lost datagram would end its connection.
             congestion_control=zenoh.CongestionControl.BLOCK,
             express=True,
@@ -211,16 +211,16 @@ class ZenohEngine:
         self._events.received(sample.payload.to_bytes())
 
     def _entry_received(self, sample: zenoh.Sample) -> None:
-        place = keys.place_of(str(sample.key_expr))
-        if place and place != self.place:
-            self._programs.add(place)
-            self._events.program_seen(place, sample.payload.to_bytes())
+        address = keys.address_of(str(sample.key_expr))
+        if address and address != self.address:
+            self._programs.add(address)
+            self._events.program_seen(address, sample.payload.to_bytes())
 
     def _answer(self, query: zenoh.Query) -> None:
         """Answer a question for this program's entry; called by Zenoh's threads."""
         with query:
             if (entry := self._entry) is not None:
-                query.reply(keys.entry_key(self._domain, self.place), entry)
+                query.reply(keys.entry_key(self._domain, self.address), entry)
 
     def _ask_entries(
         self, session: zenoh.Session, key: str, over: Callable[[], object] = lambda: None
@@ -235,20 +235,20 @@ class ZenohEngine:
         session.get(key, asked, timeout=DISCOVERY_TIMEOUT)
 
     def _alive_changed(self, sample: zenoh.Sample) -> None:
-        place = keys.place_of(str(sample.key_expr))
+        address = keys.address_of(str(sample.key_expr))
         is_alive = sample.kind == zenoh.SampleKind.PUT
-        if place == self.place:
+        if address == self.address:
             self._resume() if is_alive else self._interrupt()
-        elif place and is_alive:
-            self._programs.add(place)
+        elif address and is_alive:
+            self._programs.add(address)
             # It may have announced its entry before this program listened.
-            self._ask_entries(self._session, keys.entry_key(self._domain, place))
+            self._ask_entries(self._session, keys.entry_key(self._domain, address))
             self._plan_foreign_change()
-        elif place:
-            self._programs.discard(place)
-            if (publisher := self._publishers.pop(place, None)) is not None:
+        elif address:
+            self._programs.discard(address)
+            if (publisher := self._publishers.pop(address, None)) is not None:
                 publisher.undeclare()
-            self._events.program_gone(place)
+            self._events.program_gone(address)
             # Before Zenoh 1.9, this program's own token does not disappear with the router.
             self._plan_router_check()
 
@@ -351,13 +351,13 @@ class ZenohEngine:
 
     def _node_token(self, node: str) -> str:
         number = self._node_id(node)
-        return Token(Kind.NODE, self._domain, self.place, number, number, node).key()
+        return Token(Kind.NODE, self._domain, self.address, number, number, node).key()
 
     def _token(self, kind: Kind, named: ServiceEndpoint | TopicEndpoint, qos: Qos) -> str:
         return Token(
             kind=kind,
             domain=self._domain,
-            session=self.place,
+            session=self.address,
             node_id=self._node_id(named.node),
             endpoint_id=next(self._ids),
             node=named.node,

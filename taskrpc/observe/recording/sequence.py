@@ -109,16 +109,16 @@ def _arrows_of_tasks(
 
 def _text(arrows: Sequence[Arrow], more: int) -> Iterator[str]:
     yield "sequenceDiagram"
-    places = _participants(arrows)
-    for name, place in places.items():
-        yield f"    participant {place} as {_safe(name)}"
+    aliases = _participants(arrows)
+    for name, alias in aliases.items():
+        yield f"    participant {alias} as {_safe(name)}"
     begin = arrows[0].time
     for arrow in arrows:
-        start, end = places[arrow.start], places[arrow.end]
+        start, end = aliases[arrow.start], aliases[arrow.end]
         label = f"{arrow.time - begin:.3f} s  {arrow.text}"
         yield f"    {start}{arrow.kind}{end}: {_safe(label)}"
     if more > 0:
-        last = list(places.values())
+        last = list(aliases.values())
         yield f"    Note over {last[0]},{last[-1]}: {more} more calls are not shown"
 
 

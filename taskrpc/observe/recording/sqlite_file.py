@@ -100,11 +100,11 @@ def open_recording(path: str | os.PathLike[str]) -> AnyRecording:
 
     Raises RecordingError if it cannot be opened, has no such format, or is compressed.
     """
-    place = Path(path)
-    if place.is_dir():
-        _refuse_compression(place)
-        return SqliteRecording(place) if _databases(place) else Recording(place)
-    return SqliteRecording(place) if _is_sqlite(place) else Recording(place)
+    source = Path(path)
+    if source.is_dir():
+        _refuse_compression(source)
+        return SqliteRecording(source) if _databases(source) else Recording(source)
+    return SqliteRecording(source) if _is_sqlite(source) else Recording(source)
 
 
 def _is_sqlite(file: Path) -> bool:

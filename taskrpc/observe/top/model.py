@@ -107,7 +107,7 @@ class View(msgspec.Struct, frozen=True):
     time: float
     """Seconds since 1970."""
     domain: int
-    place: str
+    address: str
     """The address of the one program that is watched, "" for this machine."""
     seconds: float
     """The time of which rates and latencies are shown: `WINDOW`, less at first; 0: none yet."""
@@ -205,7 +205,7 @@ class History:
         time: float,
         *,
         domain: int = 0,
-        place: str = "",
+        address: str = "",
         task_servers: Iterable[TaskServerRow] = (),
         elsewhere: Iterable[int] = (),
     ) -> View:
@@ -214,7 +214,9 @@ class History:
         programs = len({(row.pid, row.program) for row in nodes})
         servers = tuple(task_servers)
         others = tuple(elsewhere)
-        return View(time, domain, place, self._seconds, programs, services, nodes, servers, others)
+        return View(
+            time, domain, address, self._seconds, programs, services, nodes, servers, others
+        )
 
     @property
     def _seconds(self) -> float:

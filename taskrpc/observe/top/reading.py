@@ -32,16 +32,16 @@ class Reader:
 
     Args:
         node: a started node; the caller closes it.
-        place: the address of the only program to watch, "" for those of this machine.
+        address: the address of the only program to watch, "" for those of this machine.
         period: seconds between two readings. Silent programs delay a reading for at most 0.8 of it.
         hidden: whether services and nodes with hidden names are shown.
     """
 
-    def __init__(self, node: Node, *, place: str, period: float, hidden: bool) -> None:
+    def __init__(self, node: Node, *, address: str, period: float, hidden: bool) -> None:
         self.programs: list[ProgramStatistics] = []
         """The last reading."""
         self._node = node
-        self._place = place
+        self._address = address
         self._timeout = min(_LONGEST, max(0.2, 0.8 * period))
         self._history = History(hidden=hidden)
         self._task_servers: dict[str, TaskServerReader] = {}
@@ -52,11 +52,11 @@ class Reader:
         self._history.add(self.programs)
         servers = self._servers(self.programs)
         rows = await asyncio.gather(*(each.read() for each in servers))
-        is_alone = not self._place and not any(each.entry.nodes for each in self.programs)
+        is_alone = not self._address and not any(each.entry.nodes for each in self.programs)
         return self._history.view(
             time.time(),
             domain=domain_id(),
-            place=self._place,
+            address=self._address,
             task_servers=rows,
             elsewhere=suggestions.domains() if is_alone else (),
         )

@@ -30,8 +30,8 @@ from taskrpc.spi import (
     ServerTls,
     ThrottledLog,
     is_loopback,
-    join_place,
-    split_place,
+    join_address,
+    split_address,
 )
 
 log = logging.getLogger("taskrpc.web")
@@ -152,7 +152,7 @@ class WebServer:
         self._upgrade = upgrade
         self._origins = tuple(origins)
         self._names = tuple(names)
-        self._host, self._port = split_place(listen)
+        self._host, self._port = split_address(listen)
         self._tls = ServerTls(tls) if tls is not None and tls.cert is not None else None
         self._may_look = may_look
         if not is_loopback(self._host) and (self._tls is None or may_look is None):
@@ -179,12 +179,12 @@ class WebServer:
         sock = bound(self._host, self._port)
         port = sock.getsockname()[1]
         names = own_names(self._host, port, machine=socket.gethostname())
-        names += [join_place(name, port) for name in self._names]
+        names += [join_address(name, port) for name in self._names]
         encrypted = self._tls is not None
         host = self._host
         if host in EVERYWHERE and self._names:
             host = self._names[0]
-        self.url = f"http{'s' if encrypted else ''}://{join_place(host, port)}"
+        self.url = f"http{'s' if encrypted else ''}://{join_address(host, port)}"
         self._guard = Guard(
             names,
             encrypted=encrypted,
@@ -370,7 +370,7 @@ def _head(request: web.BaseRequest, access: Access) -> Head:
     return Head(
         request.method,
         headers.getall("Host", ()),
-        join_place(*local[:2]),
+        join_address(*local[:2]),
         headers.getall("Origin", ()),
         headers.getall("Authorization", ()),
         not is_for_everybody and cast("_Connection", request.protocol).is_other_user,

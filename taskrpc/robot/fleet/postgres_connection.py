@@ -150,8 +150,8 @@ def _shown(used: Mapping[str, str]) -> str:
     if hosts[0].startswith(("/", "@")) or not hosts[0]:  # a Unix socket, not a machine
         folder = f" in {hosts[0]}" if hosts[0] else ""
         return f"postgresql://{user}/{database} at the local socket{folder}, port {ports[0]},"
-    places = ",".join(f"{host}:{port}" for host, port in zip(hosts, ports, strict=False))
-    return f"postgresql://{user}{places}/{database}"
+    addresses = ",".join(f"{host}:{port}" for host, port in zip(hosts, ports, strict=False))
+    return f"postgresql://{user}{addresses}/{database}"
 
 
 def _check_credentials(url: str) -> None:

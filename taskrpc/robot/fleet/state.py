@@ -216,8 +216,8 @@ class FleetState:
             return
         if before is not None:
             if before.state is TaskState.QUEUED:
-                place = (*before.order_key, task_id)
-                del self._queue[bisect_right(self._queue, place) - 1]
+                key = (*before.order_key, task_id)
+                del self._queue[bisect_right(self._queue, key) - 1]
                 self.plan_version += 1
             for kind in (self._ended, self.interrupted, self.begun):
                 kind.pop(task_id, None)
@@ -233,10 +233,10 @@ class FleetState:
         else:
             self._ended[task_id] = None
 
-    def _insert(self, place: tuple[int, int, int]) -> None:
-        if self._queue and place < self._queue[-1]:
+    def _insert(self, key: tuple[int, int, int]) -> None:
+        if self._queue and key < self._queue[-1]:
             self.plan_version += 1
-        insort(self._queue, place)
+        insort(self._queue, key)
 
     def _set_robot(self, name: str, robot: RobotRecord | None) -> None:
         before = self.robots.pop(name, None)

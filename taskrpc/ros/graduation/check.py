@@ -33,7 +33,7 @@ from taskrpc.ros.graduation.program import Finding, Program
 _LEFT_OUT = {"build", "install", "log", "node_modules", "test", "tests", "venv", "__pycache__"}
 
 
-class Place(NamedTuple):
+class LocatedFinding(NamedTuple):
     """A finding and the file that it is about."""
 
     path: Path
@@ -43,7 +43,7 @@ class Place(NamedTuple):
         return f"{self.path}:{self.finding.line}:{self.finding.column}: {self.finding}"
 
 
-def check(path: Path) -> list[Place]:
+def check(path: Path) -> list[LocatedFinding]:
     """The findings for a program, or for all programs and packages in a folder.
 
     Raises TaskRpcError if a file cannot be read.
@@ -57,7 +57,7 @@ def check(path: Path) -> list[Place]:
     if not files and not packages:
         raise TaskRpcError(f"expected a Python file or a folder that contains programs, got {path}")
     read = {file: _read(file) for file in files}
-    found = [Place(file, one) for file in files for one in _of_program(file, read[file])]
+    found = [LocatedFinding(file, one) for file in files for one in _of_program(file, read[file])]
     for file in files:
         if (package := workspace.package_of(file.resolve())) is not None:
             packages.setdefault(package, []).append(file)
@@ -102,24 +102,24 @@ def _definition(search: Search, name: str) -> Definition | None:
         return None
 
 
-def _of_package(package: Path, own: dict[Path, Program]) -> list[Place]:
+def _of_package(package: Path, own: dict[Path, Program]) -> list[LocatedFinding]:
     path = package / workspace.MANIFEST
     if not path.is_file():
-        return [Place(package / "setup.py", NO_MANIFEST)]
+        return [LocatedFinding(package / "setup.py", NO_MANIFEST)]
     try:
         manifest = ElementTree.fromstring(path.read_bytes())
-        found = [Place(file, one) for file, one in build_problems(package, manifest)]
+        found = [LocatedFinding(file, one) for file, one in build_problems(package, manifest)]
     except (OSError, ValueError, ElementTree.ParseError) as error:
         raise TaskRpcError(f"cannot read {path}: {error}") from None
     wanted = {name for one in own.values() for name in programs.imported(one.tree)}
     beside = {file.stem for file in own} | {package.name} | OURS
     interfaces = {*Search([*workspace.roots(package)]).packages(), *workspace.packages(package)}
     needs = needs_of(wanted, interfaces, beside)
-    found += [Place(path, one) for one in missing_dependencies(needs.packages, manifest)]
+    found += [LocatedFinding(path, one) for one in missing_dependencies(needs.packages, manifest)]
     return found + _missing_entry_points(package, own)
 
 
-def _missing_entry_points(package: Path, own: dict[Path, Program]) -> list[Place]:
+def _missing_entry_points(package: Path, own: dict[Path, Program]) -> list[LocatedFinding]:
     if not (package / "setup.py").is_file():
         return []
     targets = installed.entry_points(package)
@@ -128,5 +128,7 @@ def _missing_entry_points(package: Path, own: dict[Path, Program]) -> list[Place
         inner = path.resolve().relative_to(package).with_suffix("")
         if len(inner.parts) == 2 and programs.is_program(program.tree):
             module = ".".join(inner.parts)
-            found += [Place(path, one) for one in missing_entry_point(program, module, targets)]
+            found += [
+                LocatedFinding(path, one) for one in missing_entry_point(program, module, targets)
+            ]
     return found

@@ -36,8 +36,8 @@ def real_python() -> str:
             continue
         command = [python, "-c", _PRINT_PATH]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
-        place = done.stdout.strip()
-        if done.returncode == 0 and place and not Path(place).resolve().is_relative_to(_TASKRPC):
+        path = done.stdout.strip()
+        if done.returncode == 0 and path and not Path(path).resolve().is_relative_to(_TASKRPC):
             return python
     return ""
 

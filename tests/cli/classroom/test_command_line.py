@@ -39,7 +39,7 @@ def make(say):
 def test_class_without_students_has_one_join_string(make):
     (line,) = make()
     found = from_join_string(line)
-    assert found.places == ("192.0.2.7:7450",)
+    assert found.addresses == ("192.0.2.7:7450",)
     assert found.token.startswith("class.")
     assert found.expires - time.time() == pytest.approx(180 * 86_400, abs=60)
 
@@ -54,7 +54,7 @@ def test_file_of_students_gives_each_name_a_join_string(make, tmp_path):
     found = dict(line.split() for line in make("--students", str(names), "--port", "7451"))
     assert list(found) == ["ada", "grace"]
     assert from_join_string(found["grace"]).namespace == "/grace"
-    assert from_join_string(found["grace"]).places == ("192.0.2.7:7451",)
+    assert from_join_string(found["grace"]).addresses == ("192.0.2.7:7451",)
 
 
 def test_names_in_any_script_are_shown_as_written(make, say, tmp_path):
@@ -106,7 +106,7 @@ def test_a_class_keeps_its_port_until_another_is_given(make, monkeypatch):
     served = []
     monkeypatch.setattr("taskrpc.cli.server.main", lambda argv: served.append(argv) or 0)
     options = (), ("--port", "7461"), (), ("--port", "7462")
-    places = [from_join_string(make(*argv)[0]).places[0] for argv in options]
+    places = [from_join_string(make(*argv)[0]).addresses[0] for argv in options]
     assert places == [f"192.0.2.7:{port}" for port in (7450, 7461, 7461, 7462)]
     make("--serve")
     assert "0.0.0.0:7462" in served[-1]
@@ -133,7 +133,7 @@ def test_the_addresses_of_this_machine_are_found(say, monkeypatch):
         own_addresses, "_of_host_name", lambda: ["127.0.1.1", "10.1.2.3", "192.168.5.6"]
     )
     found = from_join_string(say("classroom"))
-    assert found.places == ("10.1.2.3:7450", "192.168.5.6:7450")
+    assert found.addresses == ("10.1.2.3:7450", "192.168.5.6:7450")
 
 
 def test_machine_without_a_network_is_reported(say, monkeypatch):
@@ -201,6 +201,6 @@ def test_join_expects_a_string_or_one_option(say):
 
 def test_leaving_forgets_the_lab(say):
     assert say("join", "--leave", code=1) == "you have not joined a lab\n"
-    lab.remember_lab(lab.Lab(place="192.0.2.7:1", token="ada.x", certificate="x"))
+    lab.remember_lab(lab.Lab(address="192.0.2.7:1", token="ada.x", certificate="x"))
     assert "You have left the lab" in say("join", "--leave")
     assert lab.remembered_lab() is None

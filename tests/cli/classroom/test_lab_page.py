@@ -43,7 +43,7 @@ async def server(made, tls, monkeypatch, tmp_path):
         node.create_service(Trigger, "/robot_task/health", lambda request, response: response)
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
         certificate = made.cert.read_text(encoding="ascii")
-        remember_lab(Lab(place=node.address, token=TOKEN, certificate=certificate))
+        remember_lab(Lab(address=node.address, token=TOKEN, certificate=certificate))
         yield node
 
 

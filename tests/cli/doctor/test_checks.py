@@ -83,7 +83,7 @@ async def test_server_of_all_networks_is_reached_from_this_machine(listens, aske
 @pytest.fixture
 def joined():
     """This user has joined a lab."""
-    remember_lab(Lab(place="192.0.2.1:7450", token="ada.secret", certificate="PEM"))
+    remember_lab(Lab(address="192.0.2.1:7450", token="ada.secret", certificate="PEM"))
 
 
 async def advice_without_a_program():

@@ -138,7 +138,7 @@ def test_server_without_tls_is_a_problem_if_tls_is_expected(diagnose, session_se
 def test_changed_certificate_of_a_lab_is_a_problem(diagnose, encrypted, authority):
     place = encrypted(authority, "127.0.0.1")
     before = authority.issue_cert("127.0.0.1").cert_chain_pems[0].bytes().decode()
-    lab.remember_lab(lab.Lab(place=place, token="ada.secret", certificate=before))
+    lab.remember_lab(lab.Lab(address=place, token="ada.secret", certificate=before))
     text, advice = diagnose(place)
     assert text == f"{place} has another certificate than when this laptop joined"
     assert "new string" in advice

@@ -61,4 +61,4 @@ def test_unknown_transport_is_refused_with_the_known_ones(capsys):
 
 def test_over_another_transport_the_place_is_a_router_and_not_a_program():
     remote = Remote("robot:7447", transport="zenoh")
-    assert (remote.place, remote.places, remote.peers) == ("", [], ["robot:7447"])
+    assert (remote.address, remote.addresses, remote.peers) == ("", [], ["robot:7447"])

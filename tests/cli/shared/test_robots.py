@@ -86,7 +86,7 @@ def test_default_database_of_each_robot_has_its_own_name(monkeypatch):
 
 
 def join(namespace):
-    remember_lab(Lab(place="h:1", token="ada.secret", certificate="PEM", namespace=namespace))
+    remember_lab(Lab(address="h:1", token="ada.secret", certificate="PEM", namespace=namespace))
 
 
 def test_commands_of_a_student_mean_the_students_robot(monkeypatch):

@@ -10,7 +10,7 @@ from taskrpc.core.security import lab
 from taskrpc.core.system import folders, private_files
 from taskrpc.errors import TaskRpcError
 
-LAB = lab.Lab(place="192.168.1.20:7450", token="ada.secret", certificate="PEM", domain=7)
+LAB = lab.Lab(address="192.168.1.20:7450", token="ada.secret", certificate="PEM", domain=7)
 
 
 def test_remembered_lab_is_read_until_it_is_forgotten():
@@ -50,7 +50,7 @@ def test_invalid_lab_file_is_named():
     folders.state_dir()
     lab.lab_file().write_text("{}")
     with pytest.raises(
-        TaskRpcError, match=r"lab\.json: .*`place`.*; `taskrpc join --leave` removes it"
+        TaskRpcError, match=r"lab\.json: .*`address`.*; `taskrpc join --leave` removes it"
     ):
         lab.remembered_lab()
 
@@ -64,7 +64,7 @@ def test_the_token_is_not_printed():
     [("/ada", "/"), ("/", "/"), ("/robot2/ada", "/robot2")],
 )
 def test_robot_of_a_user_is_in_the_namespace_above(namespace, robot):
-    found = lab.Lab(place="h:1", token="ada.secret", certificate="PEM", namespace=namespace)
+    found = lab.Lab(address="h:1", token="ada.secret", certificate="PEM", namespace=namespace)
     assert found.robot_namespace == robot
 
 

@@ -37,25 +37,25 @@ async def test_programs_see_each_other_in_any_order():
     first, seen_by_first = await opened()
     first.announce(b"first")
     second, seen_by_second = await opened()
-    assert seen_by_second.log == [("program_seen", first.place, b"first")]
+    assert seen_by_second.log == [("program_seen", first.address, b"first")]
     second.announce(b"second")
     second.announce(b"second again")
     await turn()
     assert seen_by_first.log == [
-        ("program_seen", second.place, b"second"),
-        ("program_seen", second.place, b"second again"),
+        ("program_seen", second.address, b"second"),
+        ("program_seen", second.address, b"second again"),
     ]
     second.close()
     second.close()
     await turn()
-    assert seen_by_first.log[2:] == [("program_gone", second.place)]
+    assert seen_by_first.log[2:] == [("program_gone", second.address)]
 
 
 async def test_datagrams_arrive_later_and_in_order():
     one, _ = await opened()
     other, events = await opened()
     for number in range(5):
-        one.send(other.place, b"%d" % number)
+        one.send(other.address, b"%d" % number)
     assert events.log == []
     one.send("nowhere", b"lost")
     await turn()
@@ -66,7 +66,7 @@ async def test_faults_replace_datagrams():
     one, _ = await opened()
     other, events = await opened()
     bus_of(0).faults = lambda place, datagram: [datagram, b"more"]
-    one.send(other.place, b"sent")
+    one.send(other.address, b"sent")
     await turn()
     assert events.log == [("received", b"sent"), ("received", b"more")]
 
@@ -75,7 +75,7 @@ async def test_domains_are_apart():
     one, events = await opened(domain=1)
     other, _ = await opened(domain=2)
     other.announce(b"other")
-    one.send(other.place, b"sent")
+    one.send(other.address, b"sent")
     await turn()
     assert events.log == []
 

@@ -87,7 +87,7 @@ class Network:
         ]
         if network not in self._networks:
             self._networks.append(network)
-        await helpers.until(lambda: all(to._engine.place in of._directory for of, to in pairs))
+        await helpers.until(lambda: all(to._engine.address in of._directory for of, to in pairs))
 
     def reaching(self, server):
         """Return the arguments with which a node with another secret reaches the server."""

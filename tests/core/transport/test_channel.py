@@ -78,7 +78,7 @@ async def test_server_that_appears_while_a_dead_one_is_dialled_is_tried_too():
         client, dial = node.create_client(Add, "add"), node._transport.network.dial
 
         async def dialled(address, factory):
-            if address.place != dead.address:
+            if address.text != dead.address:
                 return await dial(address, factory)
             alive.create_service(Add, "add", add, join=True)
             raise ConnectionRefusedError("the program has left")

@@ -61,7 +61,7 @@ def test_mistyped_character_is_reported_with_its_position(place, other):
     if text[place] == other:
         other = "A" if other != "A" else "B"
     wrong = text[:place] + other + text[place + 1 :]
-    message = f"the join string is mistyped: the character at place {place + 1}, {other!r}"
+    message = f"the join string is mistyped: the character at position {place + 1}, {other!r}"
     with pytest.raises(TaskRpcError, match=f"^{re.escape(message)}$"):
         from_join_string(wrong)
 
@@ -74,7 +74,7 @@ def test_mistyped_character_is_reported_with_its_position(place, other):
         ("taskrpc-join2.abc", "got taskrpc-join2: another version"),
         (to_join_string(EXAMPLE)[:-9], "the join string is incomplete, or several characters"),
         (PREFIX, "the join string is incomplete"),
-        (PREFIX + "abc!def", "the join string has '!' at place 18, which is never valid"),
+        (PREFIX + "abc!def", "the join string has '!' at position 18, which is never valid"),
     ],
 )
 def test_text_that_is_no_join_string_gives_one_sentence(text, message):
@@ -97,13 +97,13 @@ def test_the_token_is_not_printed():
 @pytest.mark.parametrize(
     "changes",
     [
-        {"places": ()},
-        {"places": ("evil\x1b]0;title\x07:1",)},
-        {"places": ("unix:/tmp/evil",)},
-        {"places": ("lab.example",)},
-        {"places": ("lab.example:1\n",)},
-        {"places": ("lab example:1",)},
-        {"places": ("lab.example:1",) * 99},
+        {"addresses": ()},
+        {"addresses": ("evil\x1b]0;title\x07:1",)},
+        {"addresses": ("unix:/tmp/evil",)},
+        {"addresses": ("lab.example",)},
+        {"addresses": ("lab.example:1\n",)},
+        {"addresses": ("lab example:1",)},
+        {"addresses": ("lab.example:1",) * 99},
         {"fingerprint": bytes(31)},
         {"token": "no account"},
         {"token": "ada\x1b[2J.secret"},

@@ -154,15 +154,15 @@ async def test_peers_take_precedence_over_the_lab(invitation, monkeypatch):
 
 async def test_address_of_the_lab_as_a_peer_uses_its_certificate_and_token(invitation, monkeypatch):
     lab.remember_lab(await found(invitation))
-    monkeypatch.setenv("TASKRPC_PEERS", invitation.places[0])
+    monkeypatch.setenv("TASKRPC_PEERS", invitation.addresses[0])
     assert (await call()).sum == 5
 
 
 async def test_first_address_that_answers_is_used(invitation):
     with socket.create_server(("127.0.0.1", 0)) as unused:
         silent = f"127.0.0.1:{unused.getsockname()[1]}"
-    joined = await found(changed(invitation, places=(silent, *invitation.places)))
-    assert joined.place == invitation.places[0]
+    joined = await found(changed(invitation, addresses=(silent, *invitation.addresses)))
+    assert joined.address == invitation.addresses[0]
 
 
 async def test_a_server_with_another_certificate_is_refused(invitation, made):
@@ -182,7 +182,9 @@ async def test_an_impostor_at_the_labs_address_gets_no_request(invitation, tmp_p
 
 
 def taskrpc_lab(joined, certificate):
-    return lab.Lab(place=joined.place, token=TOKEN, certificate=certificate, domain=joined.domain)
+    return lab.Lab(
+        address=joined.address, token=TOKEN, certificate=certificate, domain=joined.domain
+    )
 
 
 async def test_refused_token_is_reported(invitation):
@@ -192,7 +194,7 @@ async def test_refused_token_is_reported(invitation):
 
 
 async def test_expired_string_is_reported_without_a_connection(invitation):
-    late = changed(invitation, expires=1_000_000_000, places=("192.0.2.1:1",))
+    late = changed(invitation, expires=1_000_000_000, addresses=("192.0.2.1:1",))
     with pytest.raises(taskrpc.AuthenticationFailed, match="the join string expired at 2001-09-09"):
         await found(late)
 

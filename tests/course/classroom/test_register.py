@@ -175,7 +175,7 @@ def test_join_string_has_all_that_the_laptop_needs(register):
     register.server = ClassServer(("192.168.1.20", "fd00::1"), 7450, 3)
     (ada,) = register.add(["ada"], 1_800_000_000.7)
     found = from_join_string(register.join_string(ada))
-    assert found.places == ("192.168.1.20:7450", "[fd00::1]:7450")
+    assert found.addresses == ("192.168.1.20:7450", "[fd00::1]:7450")
     assert found.fingerprint == register.certificates.fingerprint
     assert (found.token, found.namespace) == (ada.token, "/ada")
     assert (found.expires, found.domain) == (1_800_000_000, 3)

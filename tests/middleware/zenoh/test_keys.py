@@ -41,16 +41,16 @@ def test_types_survive_a_round_trip(type_name):
 def test_other_texts_are_no_error(text):
     keys.ros_type(text)
     keys.dds_type(text)
-    keys.place_of(text)
+    keys.address_of(text)
 
 
-@pytest.mark.parametrize("place", ["", "*", "**", "a/b", "a*", "A1", "x" * 16, "a" * 33, "a\n"])
-def test_a_place_cannot_be_a_wildcard(place):
-    assert not keys.is_place(place)
-    assert keys.place_of(f"taskrpc/0/alive/{place}") in ("", "b")
+@pytest.mark.parametrize("address", ["", "*", "**", "a/b", "a*", "A1", "x" * 16, "a" * 33, "a\n"])
+def test_an_address_cannot_be_a_wildcard(address):
+    assert not keys.is_address(address)
+    assert keys.address_of(f"taskrpc/0/alive/{address}") in ("", "b")
 
 
-def test_the_place_of_a_program_is_the_last_part_of_its_keys():
+def test_the_address_of_a_program_is_the_last_part_of_its_keys():
     for key in (keys.alive_key(3, "ab12"), keys.entry_key(3, "ab12"), keys.inbox_key(3, "ab12")):
         assert key.startswith("taskrpc/3/")
-        assert keys.place_of(key) == "ab12"
+        assert keys.address_of(key) == "ab12"

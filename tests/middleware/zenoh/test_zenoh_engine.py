@@ -112,7 +112,7 @@ def test_certificates_are_refused_with_what_to_do_instead():
 async def test_garbage_on_the_keys_of_programs_does_no_harm(node, foreign, caplog):
     node.create_service(Add, "add", add)
     await asyncio.sleep(0)
-    session, place = foreign.session, node._transport.network._engine.place
+    session, place = foreign.session, node._transport.network._engine.address
     for data in (b"", b"garbage", bytes(100), b"\x11" + bytes(40)):
         session.put(keys.inbox_key(0, place), data)
         session.put(keys.entry_key(0, "abc"), data)

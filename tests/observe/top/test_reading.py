@@ -31,7 +31,7 @@ async def task_server(**options):
 @contextlib.asynccontextmanager
 async def top(period=1.0, **options):
     async with taskrpc.Node("_top", transport="memory", listen="top", **options) as node:
-        yield Reader(node, place="", period=period, hidden=False)
+        yield Reader(node, address="", period=period, hidden=False)
 
 
 async def submit(node, target, priority):

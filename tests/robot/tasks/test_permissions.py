@@ -122,7 +122,7 @@ async def test_observers_read_services_definitions_and_health(people):
 
 
 async def test_unknown_callers_get_no_information(people):
-    place = people["observe"]._node._transport.network.peers()[0].place
+    place = people["observe"]._node._transport.network.peers()[0].text
     async with taskrpc.Node("stranger", peers=[place], token="eve.eves-secret-eves-sec") as eve:
         asked = [entry for entry in await eve.graph() if not entry.pid]  # others are the registry's
         assert asked == []

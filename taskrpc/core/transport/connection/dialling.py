@@ -31,9 +31,9 @@ class Dialler:
         self._make = make
         """Makes the protocol of a connection to this address."""
         self._newest: dict[str, CallingConnection] = {}
-        """By place: the connection for new calls."""
+        """By address: the connection for new calls."""
         self._dialling: dict[str, asyncio.Task[CallingConnection]] = {}
-        """By place: the task that connects."""
+        """By address: the task that connects."""
         self._closed = False
 
     async def connection(self, address: Address, deadline: float | None) -> CallingConnection:
@@ -41,20 +41,20 @@ class Dialler:
 
         Raises ConnectionLost if no process answers there, or the error with which it refused.
         """
-        known = self._newest.get(address.place)
+        known = self._newest.get(address.text)
         if known is not None and known.is_usable:
             return known
         if self._closed:
             raise _destroyed()
         if known is not None:
             known.retire()
-        task = self._dialling.get(address.place) or self._begin(address)
+        task = self._dialling.get(address.text) or self._begin(address)
         loop = asyncio.get_running_loop()
         left = None if deadline is None else max(0.0, deadline - loop.time())
         # Not `wait_for`: the timeout of one caller must not cancel the task for the others.
         done, _ = await asyncio.wait((task,), timeout=left)
         if not done:
-            raise ConnectionLost(f"{address.place} did not respond in time", not_executed=True)
+            raise ConnectionLost(f"{address.text} did not respond in time", not_executed=True)
         if task.cancelled():
             raise _destroyed()
         return task.result()
@@ -62,9 +62,9 @@ class Dialler:
     def ended(self, connection: CallingConnection) -> None:
         """Remove a connection that is gone."""
         self.connections.pop(connection, None)
-        for place, each in list(self._newest.items()):
+        for address, each in list(self._newest.items()):
             if each is connection:
-                del self._newest[place]
+                del self._newest[address]
 
     async def close(self) -> None:
         """Dial no more and begin to close every connection."""
@@ -79,12 +79,12 @@ class Dialler:
 
     def _begin(self, address: Address) -> asyncio.Task[CallingConnection]:
         task = asyncio.get_running_loop().create_task(self._dial(address))
-        self._dialling[address.place] = task
-        task.add_done_callback(lambda done: self._dialled(address.place, done))
+        self._dialling[address.text] = task
+        task.add_done_callback(lambda done: self._dialled(address.text, done))
         return task
 
-    def _dialled(self, place: str, task: asyncio.Task[CallingConnection]) -> None:
-        del self._dialling[place]
+    def _dialled(self, address: str, task: asyncio.Task[CallingConnection]) -> None:
+        del self._dialling[address]
         if not task.cancelled():
             task.exception()  # otherwise asyncio reports it as never retrieved
 
@@ -101,13 +101,13 @@ class Dialler:
                 address = found
 
     def _found_again(self, address: Address) -> Address | None:
-        """The address of the program that is listed for this place now; None if none was listed.
+        """The address of the program that is listed for this address now; None if none was listed.
 
         Raises ConnectionLost if one was listed, but has ended.
         """
         network = self._network
         listed = [network.address_of(entry) for entry in network.entries() if entry.address]
-        known = (each for each in [*network.peers(), *listed] if each.place == address.place)
+        known = (each for each in [*network.peers(), *listed] if each.text == address.text)
         found = next(known, None)
         if address.pid and (found is None or not found.pid):
             raise _unreached(address, "its program has ended; another program answers there")
@@ -133,17 +133,17 @@ class Dialler:
         except UnicodeError:
             raise _unreached(address, "not a valid host name") from None
         else:
-            self._newest[address.place] = connection
+            self._newest[address.text] = connection
             return connection
         finally:
             if not connection.is_open:
-                connection.abort(ConnectionLost(f"the connection to {address.place} failed"))
+                connection.abort(ConnectionLost(f"the connection to {address.text} failed"))
 
 
-def placed(place: str, error: TaskRpcError) -> str:
-    """An error's text, with the place in front of it unless the text names the place itself."""
+def with_address(address: str, error: TaskRpcError) -> str:
+    """An error's text, with the address in front of it unless the text names the address itself."""
     text = str(error)
-    return text if place in text else f"{place}: {text}"
+    return text if address in text else f"{address}: {text}"
 
 
 def why_silent(address: Address) -> str:
@@ -161,9 +161,9 @@ def _explained(address: Address, error: TaskRpcError, *, is_plain: bool) -> Task
     if isinstance(error, AuthenticationFailed):
         # Only a lab's token certainly begins with an account's name; any other is secret.
         if address.domain is None:
-            return AuthenticationFailed(placed(address.place, error))
+            return AuthenticationFailed(with_address(address.text, error))
         account = account_of(address.token)
-        problem = f"the lab's server at {address.place} refuses the account {account}: {error}"
+        problem = f"the lab's server at {address.text} refuses the account {account}: {error}"
         refusal = AuthenticationFailed(problem)
         refusal.add_note(ASK_FOR_STRING)
         return refusal
@@ -180,7 +180,7 @@ def _explained(address: Address, error: TaskRpcError, *, is_plain: bool) -> Task
 
 def _unreached(address: Address, reason: str) -> ConnectionLost:
     """The error for a process that could not be reached; no call was sent to it."""
-    problem = why_silent(address) or f"{address.place}: {reason}"
+    problem = why_silent(address) or f"{address.text}: {reason}"
     if address.domain is not None:
         problem = (
             f"the lab's server at {problem}; is it on, and is this computer in its network?"

@@ -48,14 +48,14 @@ class RegistryEntry(msgspec.Struct, frozen=True, tag="Entry", dict=True):
         return frozenset(endpoint.name for endpoint in self.services)
 
 
-def entry_of(place: str, listing: Listing) -> RegistryEntry:
+def entry_of(address: str, listing: Listing) -> RegistryEntry:
     """Return the entry of a process on another machine, made from its listing."""
     return RegistryEntry(
         pid=0,
-        script=place,
+        script=address,
         folder="",
         since=0.0,
-        address=place,
+        address=address,
         nodes=tuple(listing.nodes),
         services=tuple(listing.services),
         clients=tuple(listing.clients),

@@ -88,8 +88,8 @@ class Journal:
         self._size += len(line)
         self._number += 1
 
-    def _write_at(self, place: int, data: bytes) -> None:
-        os.lseek(self._descriptor, place, os.SEEK_SET)
+    def _write_at(self, offset: int, data: bytes) -> None:
+        os.lseek(self._descriptor, offset, os.SEEK_SET)
         left = memoryview(data)
         while left:
             left = left[os.write(self._descriptor, left) :]
@@ -105,34 +105,34 @@ class JournalReader:
         """The number of the last valid line."""
         self._head = b""
         """The file's first bytes; if they change, it has a new whole entry."""
-        self._place = 0
+        self._offset = 0
         """The offset behind the last valid line."""
 
     def read(self, descriptor: int) -> None:
         """Read the new lines, and update `tracked`."""
         if self._head:
-            self._take(_contents(descriptor, self._place))
+            self._take(_contents(descriptor, self._offset))
             if _contents(descriptor, 0, _HEAD) == self._head:
                 return
-        self.tracked, self._number, self._head, self._place = None, 0, b"", 0
+        self.tracked, self._number, self._head, self._offset = None, 0, b"", 0
         data = _contents(descriptor, 0)
         if self._take(data) == 0:
             self._head = data[:_HEAD]
 
     def _take(self, data: bytes) -> int:
         """Apply these lines; return the offset of the newest whole entry among them, else -1."""
-        began, place = -1, self._place
+        began, offset = -1, self._offset
         for line in data.split(b"\n")[:-1]:
             number, record = _parsed(line)
             if isinstance(record, RegistryEntry) and number > self._number:
-                began, self.tracked = place, TrackedEntry(record)
+                began, self.tracked = offset, TrackedEntry(record)
             elif isinstance(record, EntryChange) and self.tracked and number == self._number + 1:
                 self.tracked.apply(record)
             else:
                 number = 0
-            place += len(line) + 1
+            offset += len(line) + 1
             if number:
-                self._number, self._place = number, place
+                self._number, self._offset = number, offset
         return began
 
 
@@ -147,9 +147,9 @@ def _parsed(line: bytes) -> tuple[int, RegistryEntry | EntryChange | None]:
         return 0, None
 
 
-def _contents(descriptor: int, place: int, size: int = -1) -> bytes:
+def _contents(descriptor: int, offset: int, size: int = -1) -> bytes:
     """Return a file's bytes from an offset on, at most `size` of them."""
-    os.lseek(descriptor, place, os.SEEK_SET)
+    os.lseek(descriptor, offset, os.SEEK_SET)
     if size < 0:
-        size = max(0, os.fstat(descriptor).st_size - place)
+        size = max(0, os.fstat(descriptor).st_size - offset)
     return os.read(descriptor, min(size, LONGEST))

@@ -222,12 +222,12 @@ class Topics:
         context = self._context
         there = set()
         for address, topics in context.network.publishing(self._local_subscriptions):
-            if address.place == context.address:
+            if address.text == context.address:
                 continue
-            there.add(address.place)
-            link = self._links.get(address.place)
+            there.add(address.text)
+            link = self._links.get(address.text)
             if link is None:
-                link = self._links[address.place] = SubscriptionLink(context, address)
+                link = self._links[address.text] = SubscriptionLink(context, address)
             link.address = address
             for topic in topics:
                 link.want(self._local_subscriptions[topic])
@@ -235,9 +235,9 @@ class Topics:
 
     def _drop_links(self, there: set[str]) -> None:
         """Close the links to processes that no longer publish, unless they are still connected."""
-        for place, link in list(self._links.items()):
-            if place not in there and not (link.subscriptions and link.is_connected):
-                del self._links[place]
+        for text, link in list(self._links.items()):
+            if text not in there and not (link.subscriptions and link.is_connected):
+                del self._links[text]
                 link.close()
 
 

@@ -280,7 +280,7 @@ class SubscriptionLink:
             self._without_topics = self.peer_id  # subscribing again would break calls to it, too
             log.warning(
                 "%s has no topics: it closed the connection when this program subscribed (%s)",
-                self.address.place,
+                self.address.text,
                 connection.why_closed,
             )
 
@@ -293,7 +293,7 @@ class SubscriptionLink:
             self._has_too_many = True
             log.warning(
                 "%s has %d subscriptions of this program, the most it takes; %s is one more",
-                self.address.place,
+                self.address.text,
                 len(self.subscriptions),
                 first.named.name,
             )

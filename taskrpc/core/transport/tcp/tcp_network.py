@@ -58,8 +58,8 @@ class TcpNetwork:
     native = None
     problem = ""
     discovery_ends = 0.0
-    default_place = "127.0.0.1:0"
-    """Where programs listen that choose no place; "unix:" in a process without TCP."""
+    default_address = "127.0.0.1:0"
+    """Where programs listen that choose no address; "unix:" in a process without TCP."""
 
     def __init__(
         self,
@@ -80,10 +80,10 @@ class TcpNetwork:
         self.accounts = accounts
         self.domain = domain
         self.token = token or os.urandom(32)
-        self._peers = [_checked_place(peer) for peer in peers]
+        self._peers = [_checked_address(peer) for peer in peers]
         self._peer_token = token
         """The token that the user gave; None if `token` is a random one."""
-        self._listen_at = listen or self.default_place
+        self._listen_at = listen or self.default_address
         self._registry = Registry(domain)
         self._listener: Listener | None = None
         self._remove_socket: Callable[[], object] = lambda: None
@@ -109,7 +109,7 @@ class TcpNetwork:
             self._remove_socket = partial(remove_unix, path, made)
             self._listener = Listener(sock, factory)
             return PREFIX + path
-        host, port = split_place(self._listen_at)
+        host, port = split_address(self._listen_at)
         if not is_loopback(host):
             from taskrpc.core.security.listen_policy import check_listen_policy
 
@@ -130,16 +130,16 @@ class TcpNetwork:
                 error.add_note("if another program has this port, `taskrpc ps` may show it: end it")
             raise
         self._listener = Listener(sock, factory, tls.context if tls else lambda: None)
-        return join_place(*sock.getsockname()[:2])
+        return join_address(*sock.getsockname()[:2])
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect. Raises OSError, or AuthenticationFailed for a plain call to another machine."""
         loop = asyncio.get_running_loop()
-        if is_unix(address.place):
-            path = path_of(address.place)
+        if is_unix(address.text):
+            path = path_of(address.text)
             _, protocol = await loop.create_unix_connection(factory, path)
             return protocol
-        host, port = split_place(address.place)
+        host, port = split_address(address.text)
         context = self._context(address)
         _refuse_plain_call(address, host, encrypted=context is not None)
         _, protocol = await loop.create_connection(factory, host, port, ssl=context)
@@ -222,11 +222,11 @@ class TcpNetwork:
             return lab
         # The registry knows token and certificate of a peer of the same user on this machine.
         here = [_address(tracked.about) for tracked in self._registry.tracked_entries()]
-        known = {each.place: each for each in [*lab, *here] if each.place}
+        known = {each.text: each for each in [*lab, *here] if each.text}
         given = self._peer_token or b""
         if account_of(given):  # with the token of an account, calls are made as this account
-            known = {place: replace(each, token=given) for place, each in known.items()}
-        return [known.get(place) or Address(place, given) for place in self._peers]
+            known = {address: replace(each, token=given) for address, each in known.items()}
+        return [known.get(address) or Address(address, given) for address in self._peers]
 
     def address_of(self, entry: RegistryEntry) -> Address:
         """The address of a process in the registry."""
@@ -283,44 +283,46 @@ def _refuse_plain_call(address: Address, host: str, *, encrypted: bool) -> None:
     """Raise AuthenticationFailed for a plain connection to another machine."""
     if not encrypted and not is_loopback(host):
         raise AuthenticationFailed(
-            f"{address.place} is another machine: calls there need TLS (tls) and its secret"
+            f"{address.text} is another machine: calls there need TLS (tls) and its secret"
         )
 
 
 def _address(entry: RegistryEntry) -> Address:
     """The address at which processes of this machine reach the process of an entry."""
-    place, token = place_here(entry.address), bytes.fromhex(entry.token)
-    return Address(place, token, certificate=entry.certificate, pid=entry.pid, script=entry.script)
+    address, token = address_here(entry.address), bytes.fromhex(entry.token)
+    return Address(
+        address, token, certificate=entry.certificate, pid=entry.pid, script=entry.script
+    )
 
 
-def place_here(place: str) -> str:
-    """Return the place at which this machine reaches a server that listens to all networks."""
+def address_here(address: str) -> str:
+    """Return the address at which this machine reaches a server that listens to all networks."""
     for everywhere, here in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):
-        if place.startswith(everywhere):
-            return place.replace(everywhere, here, 1)
-    return place
+        if address.startswith(everywhere):
+            return address.replace(everywhere, here, 1)
+    return address
 
 
 def _address_of_lab(lab: Lab) -> Address:
     token, certificate = lab.token.encode(), lab.certificate
-    return Address(lab.place, token, certificate=certificate, domain=lab.domain)
+    return Address(lab.address, token, certificate=certificate, domain=lab.domain)
 
 
-def split_place(place: str) -> tuple[str, int]:
+def split_address(address: str) -> tuple[str, int]:
     """Return host and port of `host:port` (IPv6 in brackets). Raises TaskRpcError."""
-    host, colon, port = place.rpartition(":")
+    host, colon, port = address.rpartition(":")
     if not colon or not port.isdecimal() or int(port) > 65535 or not host:
-        raise TaskRpcError(f"expected HOST:PORT such as 127.0.0.1:7450, got {place!r}")
+        raise TaskRpcError(f"expected HOST:PORT such as 127.0.0.1:7450, got {address!r}")
     return host.strip("[]"), int(port)
 
 
-def _checked_place(place: str) -> str:
-    if is_unix(place):
-        return checked_unix(place)
-    return join_place(*split_place(place))
+def _checked_address(address: str) -> str:
+    if is_unix(address):
+        return checked_unix(address)
+    return join_address(*split_address(address))
 
 
-def join_place(host: str, port: int) -> str:
+def join_address(host: str, port: int) -> str:
     """Return `host:port`, with brackets for IPv6."""
     host = "127.0.0.1" if host == "localhost" else host
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
@@ -352,6 +354,6 @@ def bound(host: str, port: int) -> socket.socket:
         sock.setblocking(False)
     except OSError as error:
         sock.close()
-        place, reason = join_place(host, port), os_errors.reason_of(error)
-        raise CannotListen(f"cannot listen at {place}: {reason}") from None
+        address, reason = join_address(host, port), os_errors.reason_of(error)
+        raise CannotListen(f"cannot listen at {address}: {reason}") from None
     return sock

@@ -24,36 +24,36 @@ _PROBE_TIMEOUT = 1.0
 """Seconds in which an existing server must accept a connection."""
 
 
-def is_unix(place: str) -> bool:
-    """Whether a place is `unix:/path`."""
-    return place.startswith(PREFIX)
+def is_unix(address: str) -> bool:
+    """Whether an address is `unix:/path`."""
+    return address.startswith(PREFIX)
 
 
-def checked_unix(place: str) -> str:
+def checked_unix(address: str) -> str:
     """Return the address with an absolute path.
 
     Raises TaskRpcError without a path, or if Python has no Unix sockets here.
     """
     if not hasattr(socket, "AF_UNIX"):
-        raise TaskRpcError(f"{place}: Python has no unix sockets on Windows; use 127.0.0.1:PORT")
-    if place == PREFIX:
+        raise TaskRpcError(f"{address}: Python has no unix sockets on Windows; use 127.0.0.1:PORT")
+    if address == PREFIX:
         raise TaskRpcError("expected unix:/path of the server's socket, got unix: alone")
-    return PREFIX + os.path.abspath(place.removeprefix(PREFIX))
+    return PREFIX + os.path.abspath(address.removeprefix(PREFIX))
 
 
-def path_of(place: str) -> str:
+def path_of(address: str) -> str:
     """Return the path in `unix:/path`. Raises TaskRpcError if Python has no Unix sockets here."""
-    return checked_unix(place).removeprefix(PREFIX)
+    return checked_unix(address).removeprefix(PREFIX)
 
 
-def bound_unix(place: str, name: str) -> tuple[socket.socket, str, os.stat_result]:
+def bound_unix(address: str, name: str) -> tuple[socket.socket, str, os.stat_result]:
     """Return a listening socket that only this user can reach, its path, and its file's status.
 
     `unix:` alone means a socket of this name in the runtime folder. The socket file of a dead
     server is replaced. Raises CannotListen, also if a living server has the path.
     """
-    own = place == PREFIX
-    path = Path(path_of(place)) if not own else folders.runtime_dir() / name
+    own = address == PREFIX
+    path = Path(path_of(address)) if not own else folders.runtime_dir() / name
     try:
         with _locked_folder(path) as folder:
             _clear(path, folder)

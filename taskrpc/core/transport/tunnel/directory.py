@@ -33,37 +33,37 @@ _decode = messages.decoder(Presence)
 
 
 class Directory:
-    """The entries of the other programs, by place."""
+    """The entries of the other programs, by address."""
 
     def __init__(self) -> None:
         self._programs: dict[str, TrackedEntry] = {}
         self._revisions: dict[str, tuple[float, int]] = {}
-        """When the program at a place started, and the revision of its entry."""
+        """When the program at an address started, and the revision of its entry."""
 
-    def seen(self, place: str, presence: bytes) -> None:
+    def seen(self, address: str, presence: bytes) -> None:
         """Add a program, or replace its entry by a newer one.
 
         Raises ProtocolError for an invalid presence.
         """
         shown = _decode(presence)
-        since, revision = self._revisions.get(place, (shown.since, shown.revision))
+        since, revision = self._revisions.get(address, (shown.since, shown.revision))
         if shown.since == since and shown.revision < revision:
             return
-        self._revisions[place] = shown.since, shown.revision
-        self._programs[place] = TrackedEntry(_entry_of(shown, place))
+        self._revisions[address] = shown.since, shown.revision
+        self._programs[address] = TrackedEntry(_entry_of(shown, address))
 
-    def gone(self, place: str) -> bool:
+    def gone(self, address: str) -> bool:
         """Remove a program; return whether it was there."""
-        self._revisions.pop(place, None)
-        return self._programs.pop(place, None) is not None
+        self._revisions.pop(address, None)
+        return self._programs.pop(address, None) is not None
 
     def clear(self) -> None:
         """Remove all programs."""
         self._programs.clear()
         self._revisions.clear()
 
-    def __contains__(self, place: str) -> bool:
-        return place in self._programs
+    def __contains__(self, address: str) -> bool:
+        return address in self._programs
 
     def serving(self, service: str) -> Iterator[TrackedEntry]:
         """The programs that offer a service and accept calls."""
@@ -83,18 +83,18 @@ class Directory:
         return [each.entry() for each in self._programs.values()]
 
 
-def entry_in(presence: bytes, place: str) -> RegistryEntry:
-    """Return the entry of the program at a place. Raises ProtocolError for an invalid presence."""
-    return _entry_of(_decode(presence), place)
+def entry_in(presence: bytes, address: str) -> RegistryEntry:
+    """Return the entry of the program at an address. Raises ProtocolError for garbage."""
+    return _entry_of(_decode(presence), address)
 
 
-def _entry_of(shown: Presence, place: str) -> RegistryEntry:
+def _entry_of(shown: Presence, address: str) -> RegistryEntry:
     return RegistryEntry(
         pid=0,
         script=shown.script,
         folder="",
         since=shown.since,
-        address=place if shown.accepts else "",
+        address=address if shown.accepts else "",
         token=shown.token.hex(),
         nodes=tuple(shown.names.nodes),
         services=tuple(shown.names.services),

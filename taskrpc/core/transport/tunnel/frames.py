@@ -5,7 +5,7 @@ chosen, so a program finds the connection without knowing the sender.
 
 | kind   | receiver's id | number   | limit | behind the header                      |
 |--------|---------------|----------|-------|----------------------------------------|
-| SYN    | 0             | 0        | yes   | the caller's id, and the caller's place |
+| SYN    | 0             | 0        | yes   | the caller's id, and the caller's address |
 | ACK    | yes           | 0        | yes   | the server's id                        |
 | DATA   | yes           | counts   | yes   | bytes of the connection                |
 | CREDIT | yes           | 0        | yes   |                                        |
@@ -29,8 +29,8 @@ HEADER_SIZE = _HEADER.size
 _ID = struct.Struct("<Q")
 MAX_DATA = 65_536
 """Bytes of a connection in one datagram."""
-MAX_PLACE = 512
-"""Bytes of a place."""
+MAX_ADDRESS = 512
+"""Bytes of an address."""
 MAX_REASON = 200
 """Characters of a reason."""
 
@@ -74,14 +74,14 @@ def pack(kind: Kind, to: int, number: int = 0, limit: int = 0) -> bytes:
     return _HEADER.pack(_VERSION_BITS | kind, to, number, limit)
 
 
-def pack_syn(own_id: int, place: str, limit: int) -> bytes:
-    """Return the datagram with which the program at `place` asks for a connection."""
-    return pack(Kind.SYN, 0, 0, limit) + _ID.pack(own_id) + place.encode()
+def pack_syn(own_id: int, address: str, limit: int) -> bytes:
+    """Return the datagram with which the program at `address` asks for a connection."""
+    return pack(Kind.SYN, 0, 0, limit) + _ID.pack(own_id) + address.encode()
 
 
 def parse_syn(data: memoryview) -> tuple[int, str] | None:
-    """Return the caller's id and place from a SYN; None if they are not valid."""
-    if not _ID.size < len(data) <= _ID.size + MAX_PLACE:
+    """Return the caller's id and address from a SYN; None if they are not valid."""
+    if not _ID.size < len(data) <= _ID.size + MAX_ADDRESS:
         return None
     try:
         return _ID.unpack_from(data)[0], str(data[_ID.size :], "utf-8")

@@ -50,8 +50,8 @@ from taskrpc.errors import (
 
 log = logging.getLogger("taskrpc.transport")
 
-PLACE = "native"
-"""The place of the server inside this process; no engine has such a place."""
+ADDRESS = "native"
+"""The address of the server inside this process; no engine has such an address."""
 MOST_IN_FLIGHT = 10
 """Calls to one foreign service at a time; the others wait. A ROS 2 server queues ten requests and
 drops the oldest one when more arrive."""
@@ -121,7 +121,7 @@ class Native:
         network = self._inner_network
         assert network is not None, "a foreign service without the server inside"
         type_hash = srv_type._HASH
-        return Address(PLACE, network.token, surely_offers=True, type_hash=type_hash)
+        return Address(ADDRESS, network.token, surely_offers=True, type_hash=type_hash)
 
     async def dial(self, factory: Factory) -> asyncio.BaseProtocol:
         """Connect a client with the server inside this process. Raises OSError."""

@@ -23,7 +23,7 @@ FORGOTTEN = 1024
 
 
 class StreamTable:
-    """The connections of a program; `send(place, datagram)` is the engine's."""
+    """The connections of a program; `send(address, datagram)` is the engine's."""
 
     def __init__(self, send: Callable[[str, bytes], None]) -> None:
         self.accepts: Factory | None = None
@@ -31,21 +31,21 @@ class StreamTable:
         self.streams: dict[int, StreamTransport] = {}
         """The connections by the id that this program has chosen."""
         self.accepted: dict[tuple[str, int], int] = {}
-        """The id of each accepted connection, by the caller's place and id."""
+        """The id of each accepted connection, by the caller's address and id."""
         self.dialling: dict[int, tuple[str, Factory, asyncio.Future[asyncio.BaseProtocol]]] = {}
-        """The connections that wait for an ACK: the server's place, and what follows."""
+        """The connections that wait for an ACK: the server's address, and what follows."""
         self.forgotten: OrderedDict[int, tuple[str, int]] = OrderedDict()
-        """The place and peer id of connections that ended recently."""
+        """The address and peer id of connections that ended recently."""
         self._send = send
         self._loop = asyncio.get_running_loop()
         self._garbage_log = ThrottledLog(log)
 
-    async def dial(self, place: str, own_place: str, factory: Factory) -> asyncio.BaseProtocol:
-        """Connect to the program at a place. Raises OSError; the caller limits the time."""
+    async def dial(self, address: str, own_address: str, factory: Factory) -> asyncio.BaseProtocol:
+        """Connect to the program at an address. Raises OSError; the caller limits the time."""
         own_id = self._new_id()
         connected: asyncio.Future[asyncio.BaseProtocol] = self._loop.create_future()
-        self.dialling[own_id] = place, factory, connected
-        self._send(place, frames.pack_syn(own_id, own_place, WINDOW))
+        self.dialling[own_id] = address, factory, connected
+        self._send(address, frames.pack_syn(own_id, own_address, WINDOW))
         try:
             return await connected
         finally:
@@ -69,12 +69,12 @@ class StreamTable:
             self._loop.call_exception_handler(context)
             transport.abort()
 
-    def program_gone(self, place: str) -> None:
+    def program_gone(self, address: str) -> None:
         """End the connections with a program that has left."""
         for transport in list(self.streams.values()):
-            if transport.place == place:
+            if transport.address == address:
                 transport.vanish()
-        self._refuse_dialled(f"the program at {place} has left", place)
+        self._refuse_dialled(f"the program at {address} has left", address)
 
     def end_all(self, reason: str, *, tell: bool) -> None:
         """End all connections at once; with `tell`, send the other ends a RST."""
@@ -93,47 +93,47 @@ class StreamTable:
             self._dialled(datagram)
         elif kind == Kind.DATA and to in self.forgotten:
             # The peer has missed the end of the connection.
-            place, peer = self.forgotten[to]
-            self._send(place, frames.pack_reset(peer, "the connection has ended"))
+            address, peer = self.forgotten[to]
+            self._send(address, frames.pack_reset(peer, "the connection has ended"))
 
     def _accept(self, data: memoryview, limit: int) -> None:
         caller = frames.parse_syn(data)
         if caller is None:
             return
-        peer, place = caller
-        if (known := self.accepted.get((place, peer))) is not None:
-            self._send(place, frames.pack_ack(peer, known, WINDOW))
+        peer, address = caller
+        if (known := self.accepted.get((address, peer))) is not None:
+            self._send(address, frames.pack_ack(peer, known, WINDOW))
         elif self.accepts is None:
-            self._send(place, frames.pack_reset(peer, "the program accepts no calls"))
+            self._send(address, frames.pack_reset(peer, "the program accepts no calls"))
         else:
             own_id = self._new_id()
-            self.accepted[place, peer] = own_id
-            self._send(place, frames.pack_ack(peer, own_id, WINDOW))
-            self._join(self.accepts(), place, own_id, Stream(peer, limit))
+            self.accepted[address, peer] = own_id
+            self._send(address, frames.pack_ack(peer, own_id, WINDOW))
+            self._join(self.accepts(), address, own_id, Stream(peer, limit))
 
     def _dialled(self, datagram: Datagram) -> None:
         kind, to, _, limit, data = datagram
-        place, factory, connected = self.dialling[to]
+        address, factory, connected = self.dialling[to]
         if connected.done():
             return
         if kind == Kind.RST:
             connected.set_exception(ConnectionRefusedError(frames.parse_reset(data)))
         elif kind == Kind.ACK and (peer := frames.parse_ack(data)) is not None:
             protocol = factory()
-            self._join(protocol, place, to, Stream(peer, limit))
+            self._join(protocol, address, to, Stream(peer, limit))
             connected.set_result(cast("asyncio.BaseProtocol", protocol))
 
     def _join(
-        self, protocol: asyncio.BufferedProtocol, place: str, own_id: int, stream: Stream
+        self, protocol: asyncio.BufferedProtocol, address: str, own_id: int, stream: Stream
     ) -> None:
         def ended(_: StreamTransport) -> None:
             del self.streams[own_id]
-            self.accepted.pop((place, stream.peer), None)
-            self.forgotten[own_id] = place, stream.peer
+            self.accepted.pop((address, stream.peer), None)
+            self.forgotten[own_id] = address, stream.peer
             if len(self.forgotten) > FORGOTTEN:
                 self.forgotten.popitem(last=False)
 
-        transport = StreamTransport(protocol, place, stream, self._send, ended)
+        transport = StreamTransport(protocol, address, stream, self._send, ended)
         self.streams[own_id] = transport
         protocol.connection_made(transport)
 
@@ -144,7 +144,7 @@ class StreamTable:
             if found and found not in self.streams and found not in self.dialling:
                 return found
 
-    def _refuse_dialled(self, reason: str, place: str = "") -> None:
+    def _refuse_dialled(self, reason: str, address: str = "") -> None:
         for there, _, connected in self.dialling.values():
-            if place in ("", there) and not connected.done():
+            if address in ("", there) and not connected.done():
                 connected.set_exception(ConnectionRefusedError(reason))

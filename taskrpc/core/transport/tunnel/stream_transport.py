@@ -14,20 +14,20 @@ from taskrpc.core.transport.tunnel.stream import State, Stream
 class StreamTransport(ReadingEnd):
     """Joins a stream, its protocol, and the engine that sends the datagrams.
 
-    `place` is the other end's program. `on_lost(transport)` is called once, when the connection
+    `address` is the other end's program. `on_lost(transport)` is called once, when the connection
     has ended.
     """
 
     def __init__(
         self,
         protocol: asyncio.BufferedProtocol,
-        place: str,
+        address: str,
         stream: Stream,
         send: Callable[[str, bytes], None],
         on_lost: Callable[[StreamTransport], object],
     ) -> None:
-        super().__init__(protocol, place)
-        self.place = place
+        super().__init__(protocol, address)
+        self.address = address
         self.stream = stream
         self._send = send
         self._on_lost = on_lost
@@ -100,7 +100,7 @@ class StreamTransport(ReadingEnd):
     def _send_out(self) -> None:
         out, self.stream.out = self.stream.out, []
         for datagram in out:
-            self._send(self.place, datagram)
+            self._send(self.address, datagram)
 
     def _end_if_finished(self) -> None:
         if self.stream.state is not State.CLOSING and not self._lost:

@@ -16,7 +16,7 @@ from taskrpc.core.transport.network import Address, Factory
 from taskrpc.core.transport.pipe import join
 from taskrpc.core.transport.settings import Settings
 from taskrpc.core.transport.tunnel.directory import Directory, presence_of
-from taskrpc.core.transport.tunnel.native import PLACE as NATIVE
+from taskrpc.core.transport.tunnel.native import ADDRESS as NATIVE
 from taskrpc.core.transport.tunnel.native import Native
 from taskrpc.core.transport.tunnel.stream_table import StreamTable
 from taskrpc.errors import NameInUse, ProtocolError
@@ -81,9 +81,9 @@ class TunnelNetwork:
         await asyncio.shield(self._opening)
 
     def listen(self, factory: Factory) -> str:
-        """Accept connections from now on; return this program's place."""
+        """Accept connections from now on; return this program's address."""
         self._table.accepts = factory
-        return self._engine.place
+        return self._engine.address
 
     async def stop_listening(self) -> None:
         """Accept no more connections and native calls."""
@@ -110,13 +110,13 @@ class TunnelNetwork:
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect. Raises OSError."""
-        if self.native is not None and address.place == NATIVE:
+        if self.native is not None and address.text == NATIVE:
             return await self.native.dial(factory)
-        if address.place == self._engine.place:
+        if address.text == self._engine.address:
             return await self._connect_here(factory)
-        if address.place not in self._directory:
-            raise ConnectionRefusedError(f"no program is at {address.place}")
-        return await self._table.dial(address.place, self._engine.place, factory)
+        if address.text not in self._directory:
+            raise ConnectionRefusedError(f"no program is at {address.text}")
+        return await self._table.dial(address.text, self._engine.address, factory)
 
     async def _connect_here(self, factory: Factory) -> asyncio.BaseProtocol:
         """Connect two nodes of this program, without the engine."""
@@ -124,7 +124,7 @@ class TunnelNetwork:
         if self._table.accepts is None:
             raise ConnectionRefusedError("this program accepts no calls")
         client = factory()
-        join(client, self._table.accepts(), self._engine.place)
+        join(client, self._table.accepts(), self._engine.address)
         return client
 
     def peer_credentials(self, transport: asyncio.BaseTransport, *, serving: bool) -> None:
@@ -205,23 +205,23 @@ class TunnelNetwork:
 
     # EngineEvents
 
-    def program_seen(self, place: str, entry: bytes) -> None:
+    def program_seen(self, address: str, entry: bytes) -> None:
         """Note a program, or its new entry."""
-        if place == self._engine.place or self._closed:
+        if address == self._engine.address or self._closed:
             return
         try:
-            self._directory.seen(place, entry)
+            self._directory.seen(address, entry)
         except ProtocolError as error:
             now, text = asyncio.get_running_loop().time(), "ignored the program at %s: %s"
-            self._garbage_log.warning(now, text, place, error)
+            self._garbage_log.warning(now, text, address, error)
         else:
             self._changed()
 
-    def program_gone(self, place: str) -> None:
+    def program_gone(self, address: str) -> None:
         """Forget a program, and end its connections."""
-        if self._directory.gone(place):
+        if self._directory.gone(address):
             self._changed()
-        self._table.program_gone(place)
+        self._table.program_gone(address)
 
     def foreign_changed(self) -> None:
         """Compare the calls in flight with the native servers that are left."""
@@ -264,7 +264,7 @@ class TunnelNetwork:
         here = own is not None and own.about.address and own.offers(service)
         return ([own] if here and own is not None else []) + list(self._directory.serving(service))
 
-    def _address(self, place: str, token: str) -> Address:
-        if place == self._engine.place:
-            return Address(place, self.token)
-        return Address(place, bytes.fromhex(token) or self._given or b"")
+    def _address(self, address: str, token: str) -> Address:
+        if address == self._engine.address:
+            return Address(address, self.token)
+        return Address(address, bytes.fromhex(token) or self._given or b"")

@@ -31,7 +31,7 @@ Pair = tuple[int, int]
 
 def _pairs(variant: Variant) -> list[Pair]:
     first = variant.number("first", 1, 30)
-    return [(first + place, 10 * (first + place)) for place in range(_CALLS)]
+    return [(first + index, 10 * (first + index)) for index in range(_CALLS)]
 
 
 def _values(variant: Variant) -> Mapping[str, str]:
@@ -162,13 +162,13 @@ async def all_sent(trial: Trial, held: HeldService) -> Program:
 
 async def shows(trial: Trial, held: HeldService, client: Program, order: Sequence[Pair]) -> None:
     """Release the responses one by one; raises NotMet if the client does not print each at once."""
-    for place, pair in enumerate(order):
+    for index, pair in enumerate(order):
         held.release(pair)
         if await client.wait_for_line(_pattern(pair, held.sums[pair]), timeout=_HELD):
             continue
         expected = f"the line `{line_of(pair, held.sums[pair])}` as soon as this response is there"
         printed = [line for line in client.output if "=" in line]
-        if place == 0:
+        if index == 0:
             await _running(client, expected)
         raise NotMet(
             expected,
@@ -192,20 +192,20 @@ async def _one_after_another(trial: Trial) -> None:
     async with held_service(trial) as held:
         client = await _first_request(trial, held, "sync_client.py")
         pairs = _pairs(trial.variant)
-        for place, pair in enumerate(pairs, 1):
+        for index, pair in enumerate(pairs, 1):
             held.release(pair)
             expected = f"the line `{line_of(pair, held.sums[pair])}` after the response"
             if not await client.wait_for_line(_pattern(pair, held.sums[pair]), timeout=_HELD):
                 await _running(client, expected)
                 raise NotMet(
                     expected,
-                    f"the client received {place} of {_CALLS} responses and printed no such line",
+                    f"the client received {index} of {_CALLS} responses and printed no such line",
                     "print the sum of the response right after the call",
                 )
-            if place < _CALLS and not await held.requests(trial, client, place + 1):
-                await _running(client, f"request {place + 1} after response {place}")
+            if index < _CALLS and not await held.requests(trial, client, index + 1):
+                await _running(client, f"request {index + 1} after response {index}")
                 raise NotMet(
-                    f"request {place + 1} after response {place}",
+                    f"request {index + 1} after response {index}",
                     f"{len(held.received)} came",
                     "call the service once for each pair",
                 )

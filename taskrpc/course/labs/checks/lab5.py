@@ -58,8 +58,8 @@ def _service(variant: Variant) -> str:
 def _values(variant: Variant) -> Mapping[str, str]:
     work = work_of(variant)
     values = {"SERVICE": _service(variant)}
-    for place, name in zip(("LONG", "MIDDLE", "SHORT"), work.types, strict=True):
-        values |= {place: name, f"{place}_SECONDS": str(work.seconds[name])}
+    for word, name in zip(("LONG", "MIDDLE", "SHORT"), work.types, strict=True):
+        values |= {word: name, f"{word}_SECONDS": str(work.seconds[name])}
     return values | {f"TARGET_{n}": target for n, target in enumerate(work.targets, 1)}
 
 

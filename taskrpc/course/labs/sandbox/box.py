@@ -43,13 +43,13 @@ if sys.platform != "win32":
 
         Args:
             submission: the folder of the submission, which nothing changes.
-            place: a folder in which programs without bubblewrap get folders; it need not exist.
+            base: a folder in which programs without bubblewrap get folders; it need not exist.
             confined: whether to use bubblewrap; else the programs run as any other program.
         """
 
-        def __init__(self, submission: Path, place: Path, *, confined: bool) -> None:
+        def __init__(self, submission: Path, base: Path, *, confined: bool) -> None:
             self._submission = submission
-            self._place = place
+            self._base = base
             self.confined = confined
             self._running: _Running | None = None
 
@@ -67,7 +67,7 @@ if sys.platform != "win32":
             Raises TaskRpcError if there is no sandbox, or OSError.
             """
             if self._running is None or self._running.lost:
-                self._running = await _Running.start(self._submission, self._place, self.confined)
+                self._running = await _Running.start(self._submission, self._base, self.confined)
             running = self._running
             try:
                 check = await running.begin()
@@ -156,13 +156,13 @@ if sys.platform != "win32":
             asyncio.get_running_loop().add_reader(control, self._read)
 
         @classmethod
-        async def start(cls, submission: Path, place: Path, confined: bool) -> _Running:
+        async def start(cls, submission: Path, base: Path, confined: bool) -> _Running:
             """Start a sandbox. Raises OSError."""
             ours, its = socket.socketpair()
             ours.setblocking(False)
             filter = bubblewrap.filter_descriptor()
             try:
-                where = bubblewrap.WRITABLE if confined else str(place)
+                where = bubblewrap.WRITABLE if confined else str(base)
                 what = bubblewrap.SUBMISSION if confined else str(submission)
                 setup = Setup(its.fileno(), where, what, confined)
                 command = boot.command("supervisor", msgspec.json.encode(setup).decode())

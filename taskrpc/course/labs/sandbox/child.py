@@ -24,7 +24,7 @@ class Start(msgspec.Struct, frozen=True):
     Attributes:
         file: its path in the folder of the submission.
         arguments: of its command line.
-        place: the folder of this check, in which the program has its home and temporary folder.
+        scratch: the folder of this check, in which the program has its home and temporary folder.
         folder: the folder in which it runs, with the files of the submission.
         confined: whether it runs in a sandbox.
         speed: how much faster its time passes.
@@ -35,7 +35,7 @@ class Start(msgspec.Struct, frozen=True):
 
     file: str
     arguments: tuple[str, ...]
-    place: str = ""
+    scratch: str = ""
     folder: str = ""
     confined: bool = False
     speed: float = 1.0
@@ -44,12 +44,12 @@ class Start(msgspec.Struct, frozen=True):
     ready: str = ""
 
 
-def environment(place: Path) -> dict[str, str]:
+def environment(scratch: Path) -> dict[str, str]:
     """Return all variables that a program under check sees, and make the folders they name."""
     folders = {"HOME": "home", "TMPDIR": "tmp", "XDG_RUNTIME_DIR": "run"}
     for name in folders.values():
-        (place / name).mkdir(mode=0o700, exist_ok=True)
-    env = {variable: str(place / name) for variable, name in folders.items()}
+        (scratch / name).mkdir(mode=0o700, exist_ok=True)
+    env = {variable: str(scratch / name) for variable, name in folders.items()}
     env |= {"XDG_STATE_HOME": env["HOME"], "XDG_CACHE_HOME": env["HOME"]}
     env |= {"NO_COLOR": "1", "OPENBLAS_NUM_THREADS": "1"}
     if sys.platform == "win32":
@@ -74,7 +74,7 @@ def run(start: Start) -> int:
     from taskrpc.ros import runner
 
     os.environ.clear()
-    os.environ.update(environment(Path(start.place)))
+    os.environ.update(environment(Path(start.scratch)))
     os.chdir(start.folder)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     sys.dont_write_bytecode = True

@@ -152,15 +152,15 @@ async def spawned_trial(root: Path, variant: Variant, base: Path) -> AsyncIterat
         variant: of the lab, for this student.
         base: where the trial makes a folder of its own.
     """
-    place = Path(tempfile.mkdtemp(prefix="t", dir=base))
+    scratch = Path(tempfile.mkdtemp(prefix="t", dir=base))
     try:
-        shutil.copytree(root, place / "submission")
-        os.environ.update(environment(place))
+        shutil.copytree(root, scratch / "submission")
+        os.environ.update(environment(scratch))
         async with Node("check") as node:
-            trial = ChildTrial(variant, node, root, SpawnStarter(place))
+            trial = ChildTrial(variant, node, root, SpawnStarter(scratch))
             try:
                 yield trial
             finally:
                 await trial.close()
     finally:
-        remove(place)
+        remove(scratch)

@@ -21,8 +21,8 @@ from taskrpc.spi import (
     Settings,
     TrackedEntry,
     is_loopback,
-    join_place,
-    split_place,
+    join_address,
+    split_address,
 )
 
 TRANSPORT = "sandbox"
@@ -80,15 +80,15 @@ class SandboxNetwork:
         listening = self._check.listening.dup()
         listening.setblocking(False)
         self._listener = Listener(listening, factory)
-        return join_place(*listening.getsockname()[:2])
+        return join_address(*listening.getsockname()[:2])
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect. Raises OSError."""
         loop = asyncio.get_running_loop()
         try:
-            host, port = split_place(address.place)
+            host, port = split_address(address.text)
             if not is_loopback(host):
-                raise ConnectionRefusedError(f"{address.place} is not in the sandbox")
+                raise ConnectionRefusedError(f"{address.text} is not in the sandbox")
             sock = await self._check.new_socket()
         except TaskRpcError as error:
             raise ConnectionRefusedError(str(error)) from None

@@ -25,13 +25,13 @@ class Setup(msgspec.Struct, frozen=True):
 
     Attributes:
         control: the descriptor of the socket over which the messages go.
-        place: the folder in which each check gets a folder.
+        base: the folder in which each check gets a folder.
         submission: the folder of the submission.
         confined: whether this is a sandbox.
     """
 
     control: int
-    place: str
+    base: str
     submission: str
     confined: bool
 

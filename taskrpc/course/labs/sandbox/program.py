@@ -168,11 +168,11 @@ class SpawnStarter:
     """Starts each program as a new Python, where processes cannot be forked.
 
     Args:
-        place: the folder of the trial, with the folder `submission`.
+        scratch: the folder of the trial, with the folder `submission`.
     """
 
-    def __init__(self, place: Path) -> None:
-        self._place = place
+    def __init__(self, scratch: Path) -> None:
+        self._scratch = scratch
 
     def excess(self) -> str:
         """Return "": nothing is limited together."""
@@ -184,11 +184,13 @@ class SpawnStarter:
         A start takes far longer than by forking. In accelerated time, it would take too long for
         the checks.
         """
-        place = self._place
-        folder, ready = str(place / "submission"), place / f"ready-{secrets.token_hex(4)}"
-        start = msgspec.structs.replace(start, place=str(place), folder=folder, ready=str(ready))
+        scratch = self._scratch
+        folder, ready = str(scratch / "submission"), scratch / f"ready-{secrets.token_hex(4)}"
+        start = msgspec.structs.replace(
+            start, scratch=str(scratch), folder=folder, ready=str(ready)
+        )
         command = boot.command("child", msgspec.json.encode(start).decode())
-        tree = await ProcessTree.start(command, on_output, cwd=folder, env=environment(place))
+        tree = await ProcessTree.start(command, on_output, cwd=folder, env=environment(scratch))
         last = speed.real_monotonic() + _START
         while tree.returncode is None and speed.real_monotonic() < last:
             if ready.exists():

@@ -56,7 +56,7 @@ if sys.platform != "win32":
             self._control.set_inheritable(False)
             self._reader = orders.Reader(self._control)
             self._programs: set[int] = set()
-            self._place = Path()
+            self._scratch = Path()
             """The folder of this check."""
             self._before: set[str] = set()
             """What was in the folder of all checks before the first one."""
@@ -71,7 +71,7 @@ if sys.platform != "win32":
             signal.signal(signal.SIGCHLD, lambda *_: None)
             signal.set_wakeup_fd(wake, warn_on_full_buffer=False)
             if setup.confined:
-                self._before = set(os.listdir(setup.place))
+                self._before = set(os.listdir(setup.base))
             else:
                 os.setpgid(0, 0)  # the end of the grader's group must not end it: it cleans up
             gc.freeze()
@@ -129,13 +129,13 @@ if sys.platform != "win32":
             return None
 
         def _begin(self) -> None:
-            os.makedirs(self._setup.place, mode=0o700, exist_ok=True)
-            self._place = Path(tempfile.mkdtemp(prefix="check", dir=self._setup.place))
+            os.makedirs(self._setup.base, mode=0o700, exist_ok=True)
+            self._scratch = Path(tempfile.mkdtemp(prefix="check", dir=self._setup.base))
             if not self._setup.confined:
-                shutil.copytree(self._setup.submission, self._place / "submission")
-            os.environ.update(environment(self._place))
+                shutil.copytree(self._setup.submission, self._scratch / "submission")
+            os.environ.update(environment(self._scratch))
             self._registry, self._own, self._seen = Registry(0), None, None
-            folder = os.open(self._setup.place, os.O_RDONLY | os.O_DIRECTORY)
+            folder = os.open(self._setup.base, os.O_RDONLY | os.O_DIRECTORY)
             with _tcp_socket() as listening:
                 listening.bind(("127.0.0.1", 0))
                 listening.listen(_BACKLOG)
@@ -149,13 +149,13 @@ if sys.platform != "win32":
                 self._registry.abandon()
                 self._registry = None
             if self._setup.confined:
-                for name in set(os.listdir(self._setup.place)) - self._before:
-                    path = Path(self._setup.place, name)
+                for name in set(os.listdir(self._setup.base)) - self._before:
+                    path = Path(self._setup.base, name)
                     shutil.rmtree(
                         path
                     ) if path.is_dir() and not path.is_symlink() else path.unlink()
             else:
-                remove(self._place)
+                remove(self._scratch)
             self._tell(orders.Cleaned())
 
         def _publish(self, order: orders.Publish) -> None:
@@ -194,9 +194,9 @@ if sys.platform != "win32":
             self._registry = None  # closes its folder, before the descriptor means another file
             os.closerange(3, 256)
             confined = self._setup.confined
-            folder = self._setup.submission if confined else str(self._place / "submission")
+            folder = self._setup.submission if confined else str(self._scratch / "submission")
             return msgspec.structs.replace(
-                start, place=str(self._place), folder=folder, confined=confined
+                start, scratch=str(self._scratch), folder=folder, confined=confined
             )
 
         def _reap(self) -> None:
@@ -251,8 +251,8 @@ if sys.platform != "win32":
 
         def _end(self) -> None:
             self._kill_all()
-            if not self._setup.confined and os.path.isdir(self._setup.place):
-                remove(Path(self._setup.place))
+            if not self._setup.confined and os.path.isdir(self._setup.base):
+                remove(Path(self._setup.base))
 
     def _tcp_socket() -> socket.socket:
         # The protocol is explicit for asyncio, which then sends small packets at once.

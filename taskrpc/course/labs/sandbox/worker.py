@@ -58,7 +58,7 @@ class Request(msgspec.Struct, frozen=True):
         hidden: the folder with the lecturer's checks.
         speed: how much faster time passes; None for the lab's own.
         confined: whether to run its programs in a sandbox.
-        place: a new folder for the files of the process; `grade` makes and removes it.
+        scratch: a new folder for the files of the process; `grade` makes and removes it.
     """
 
     source: str
@@ -67,7 +67,7 @@ class Request(msgspec.Struct, frozen=True):
     hidden: str | None = None
     speed: float | None = None
     confined: bool = False
-    place: str = ""
+    scratch: str = ""
 
 
 def main(text: str) -> int:
@@ -85,7 +85,7 @@ def main(text: str) -> int:
         asyncio.run(_grade(request, output))
     except asyncio.CancelledError:
         with contextlib.suppress(OSError):
-            remove(Path(request.place))
+            remove(Path(request.scratch))
         return 1
     return 0
 
@@ -94,7 +94,7 @@ async def _grade(request: Request, output: int) -> None:
     def report(line: Line) -> None:
         os.write(output, msgspec.json.encode(line) + b"\n")
 
-    base = Path(request.place)
+    base = Path(request.scratch)
     if sys.platform != "win32":
         # The process that asked has ended: nobody waits for the results.
         grading = asyncio.current_task()
@@ -103,8 +103,8 @@ async def _grade(request: Request, output: int) -> None:
     try:
         await _graded(request, base, report)
     except TaskRpcError as error:
-        places = f"{base / 'taken'}{os.sep}"
-        report(Stopped(str(error).replace(places, "")[:_LONGEST]))
+        inside = f"{base / 'taken'}{os.sep}"
+        report(Stopped(str(error).replace(inside, "")[:_LONGEST]))
 
 
 async def _graded(request: Request, base: Path, report: Callable[[Line], None]) -> None:

@@ -91,29 +91,29 @@ class AcceptedEstimate:
         self.task_id = task_id
         self.seconds = seconds
         self.at = at
-        self._places = [(number, key)]  # each holds from its mark of the log on
+        self._keys = [(number, key)]  # each holds from its mark of the log on
 
     @property
     def first_event(self) -> int:
         """The number of the first event that counts."""
-        return self._places[0][0]
+        return self._keys[0][0]
 
     def move(self, number: int, key: OrderKey) -> None:
         """Note that the task has another place from this mark of the log on."""
-        self._places.append((number, key))
+        self._keys.append((number, key))
 
     def select(self, events: Sequence[DelayEvent]) -> list[DelayEvent]:
         """Return those of these consecutive events that change the task's estimate."""
         found: list[DelayEvent] = []
         first = events[0].number if events else 0
-        ends = [number for number, _ in self._places[1:]] + [first + len(events)]
-        for (start, place), end in zip(self._places, ends, strict=True):
+        ends = [number for number, _ in self._keys[1:]] + [first + len(events)]
+        for (start, key), end in zip(self._keys, ends, strict=True):
             while_there = events[max(0, start - first) : max(0, end - first)]
-            found += [event for event in while_there if self._is_affected(event, place)]
+            found += [event for event in while_there if self._is_affected(event, key)]
         return found
 
-    def _is_affected(self, event: DelayEvent, place: OrderKey) -> bool:
-        return event.only_task == self.task_id if event.only_task else event.after < place
+    def _is_affected(self, event: DelayEvent, key: OrderKey) -> bool:
+        return event.only_task == self.task_id if event.only_task else event.after < key
 
 
 def merged(changes: Iterator[EstimateChange], *, at_most: int) -> list[EstimateChange]:

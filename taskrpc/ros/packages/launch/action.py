@@ -7,13 +7,13 @@ from typing import Any
 from .conditions import Condition, IfCondition, UnlessCondition
 from .launch_context import LaunchContext
 from .launch_description_entity import LaunchDescriptionEntity
-from .utilities.places import place_of_caller, remember_place
+from .utilities.locations import location_of_caller, remember_location
 
 
 class Action(LaunchDescriptionEntity):
     """Something that a launch file does. The launch executes its actions one after the other."""
 
-    _place = ""
+    _location = ""
     """The line of the launch file that created the action; "" if no file in Python did."""
 
     def __init__(self, *, condition: Condition | None = None) -> None:
@@ -22,7 +22,7 @@ class Action(LaunchDescriptionEntity):
                 f"condition: expected one such as IfCondition('true'), got {condition!r}"
             )
         self._condition = condition
-        self._place = place_of_caller()
+        self._location = location_of_caller()
 
     @property
     def condition(self) -> Condition | None:
@@ -49,7 +49,7 @@ class Action(LaunchDescriptionEntity):
             if self._condition is None or self._condition.evaluate(context):
                 return self.execute(context)
         except Exception as error:
-            remember_place(error, self._place)
+            remember_location(error, self._location)
             raise
         return None
 

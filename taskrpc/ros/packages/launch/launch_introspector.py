@@ -50,8 +50,8 @@ def _format_process(action: ExecuteProcess) -> str:
 def _lines(entities: Iterable[LaunchDescriptionEntity], front: str) -> list[str]:
     found: list[str] = []
     each = list(entities)
-    for place, entity in enumerate(each):
-        is_last = place == len(each) - 1
+    for index, entity in enumerate(each):
+        is_last = index == len(each) - 1
         found.append(f"{front}{'└── ' if is_last else '├── '}{format_action(entity)}")
         found += _lines(_inner(entity), f"{front}{'    ' if is_last else '│   '}")
     return found

@@ -13,14 +13,14 @@ class Entity(_Entity):
     """An element of an XML launch file."""
 
 
-def read_xml(text: str | bytes, place: str) -> Entity:
+def read_xml(text: str | bytes, location: str) -> Entity:
     """Return the outermost element of an XML text; raises InvalidLaunchFileError with the line."""
     parser = expat.ParserCreate()
     opened: list[tuple[str, dict[str, str], list[Any], str]] = []
     found: list[Entity] = []
 
     def begin(name: str, attributes: dict[str, str]) -> None:
-        opened.append((name, attributes, [], f"{place}, line {parser.CurrentLineNumber}"))
+        opened.append((name, attributes, [], f"{location}, line {parser.CurrentLineNumber}"))
 
     def end(_: str) -> None:
         entity = Entity(*opened.pop())
@@ -31,6 +31,6 @@ def read_xml(text: str | bytes, place: str) -> Entity:
         parser.Parse(text, True)
     except expat.ExpatError as error:
         raise InvalidLaunchFileError(
-            f"{place}, line {error.lineno}: invalid XML: {expat.ErrorString(error.code)}"
+            f"{location}, line {error.lineno}: invalid XML: {expat.ErrorString(error.code)}"
         ) from None
     return found[0]

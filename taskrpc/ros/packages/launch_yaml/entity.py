@@ -17,50 +17,50 @@ class Entity(_Entity):
     """An element of a YAML launch file."""
 
 
-def read_yaml(text: str, place: str) -> Entity:
+def read_yaml(text: str, location: str) -> Entity:
     """Return the outermost element of a YAML text; raises InvalidLaunchFileError."""
     try:
         found = load(text)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = "" if mark is None else f", line {mark.line + 1}"
-        raise InvalidLaunchFileError(f"{place}{line}: invalid YAML: {message(error)}") from None
+        raise InvalidLaunchFileError(f"{location}{line}: invalid YAML: {message(error)}") from None
     if not isinstance(found, dict) or len(found) != 1:
-        raise InvalidLaunchFileError(f"{place}: expected one key, launch, at the top")
+        raise InvalidLaunchFileError(f"{location}: expected one key, launch, at the top")
     name, content = next(iter(found.items()))
-    return _entity(str(name), content, place)
+    return _entity(str(name), content, location)
 
 
-def _entity(name: str, content: Any, place: str) -> Entity:
+def _entity(name: str, content: Any, location: str) -> Entity:
     """An element: a list has the elements inside, a mapping also attributes."""
     if isinstance(content, list):
-        return Entity(name, {}, [_child(name, each, place) for each in content], place)
+        return Entity(name, {}, [_child(name, each, location) for each in content], location)
     if content is None:
         content = {}
     if not isinstance(content, dict):
-        raise InvalidLaunchFileError(f"{place}: expected a mapping or a list in `{name}`")
+        raise InvalidLaunchFileError(f"{location}: expected a mapping or a list in `{name}`")
     attributes: dict[str, Any] = {}
     children: list[Entity] = []
     for key, value in content.items():
         if key == _CHILDREN:
-            children += [_child(name, each, place) for each in value or ()]
+            children += [_child(name, each, location) for each in value or ()]
         elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
-            children += [_entity(str(key), each, place) for each in value]
+            children += [_entity(str(key), each, location) for each in value]
         else:
             attributes[str(key)] = value
-    return Entity(name, attributes, children, place)
+    return Entity(name, attributes, children, location)
 
 
-def _child(name: str, content: Any, place: str) -> Entity:
+def _child(name: str, content: Any, location: str) -> Entity:
     if isinstance(content, dict) and len(content) > 1 and next(iter(content.values())) is None:
         first = next(iter(content))
         raise InvalidLaunchFileError(
-            f"{place}: expected the keys of `{first}` inside it, got them beside it; indent the"
+            f"{location}: expected the keys of `{first}` inside it, got them beside it; indent the"
             f" lines below `- {first}:` by two more spaces"
         )
     if not isinstance(content, dict) or len(content) != 1:
         raise InvalidLaunchFileError(
-            f"{place}: expected elements with one key each in `{name}`, got {content!r}"
+            f"{location}: expected elements with one key each in `{name}`, got {content!r}"
         )
     inner, value = next(iter(content.items()))
-    return _entity(str(inner), value, place)
+    return _entity(str(inner), value, location)

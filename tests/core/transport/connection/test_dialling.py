@@ -138,7 +138,7 @@ async def test_protocol_error_in_the_handshake_stays_a_protocol_error():
 @pytest.mark.real_time
 async def test_log_names_an_unreachable_lab_once(caplog):
     off = "127.0.0.1:1"
-    lab.remember_lab(lab.Lab(place=off, token="ada.secret", certificate=""))
+    lab.remember_lab(lab.Lab(address=off, token="ada.secret", certificate=""))
     async with taskrpc.Node("laptop") as node:
         with caplog.at_level(logging.WARNING):
             assert [each.nodes for each in await node.graph()] == [("/laptop",)]

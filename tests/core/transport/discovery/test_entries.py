@@ -73,7 +73,7 @@ def test_no_repr_has_a_secret():
         EntryChange(node="/n", address="host:1", token=secret),
         handshake._Key(secret.encode(), None),
         account_file.Row(secret),
-        Lab(place="host:1", token=f"ada.{secret}", certificate="x"),
+        Lab(address="host:1", token=f"ada.{secret}", certificate="x"),
         Address("host:1", secret.encode()),
     ]
     assert not any(secret in repr(each) + str(each) + repr([each]) for each in said)

@@ -12,7 +12,7 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.core.transport.tcp.tcp_network import TcpNetwork, split_place
+from taskrpc.core.transport.tcp.tcp_network import TcpNetwork, split_address
 from tests.core.transport.helpers import Add, Gate, Text, add, ask, outcome, until
 
 String = srvgen.load("std_msgs/msg/String")
@@ -256,12 +256,12 @@ async def test_a_caller_without_the_token_is_refused(monkeypatch, tmp_path, toke
 )
 def test_a_wrong_address_is_shown(place):
     with pytest.raises(taskrpc.TaskRpcError, match=r"expected HOST:PORT such as .*, got"):
-        split_place(place)
+        split_address(place)
 
 
 def test_addresses_are_read():
-    assert split_place("robot.local:7450") == ("robot.local", 7450)
-    assert split_place("[::1]:7450") == ("::1", 7450)
+    assert split_address("robot.local:7450") == ("robot.local", 7450)
+    assert split_address("[::1]:7450") == ("::1", 7450)
 
 
 # Listening

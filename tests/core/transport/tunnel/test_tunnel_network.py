@@ -237,7 +237,7 @@ async def test_an_interruption_ends_all_calls_and_later_all_goes_on(programs, ca
         network.resumed()
     for one in programs.bus.engines.values():
         for other in programs.bus.others(one):
-            one.program_seen(other.place, other.announced)
+            one.program_seen(other.address, other.announced)
     assert await waiting
     gate.opened.set()
     assert (await client.call(ask(3))).sum == 3
@@ -337,7 +337,7 @@ async def test_a_program_does_not_see_itself_twice(programs):
     node = await programs.node("node")
     network = node._transport.network
     await asyncio.sleep(0.1)
-    network.program_seen(node.address or network._engine.place, network._engine.announced)
+    network.program_seen(node.address or network._engine.address, network._engine.announced)
     assert [each.nodes for each in await node.graph()] == [("/node",)]
 
 

@@ -79,7 +79,7 @@ rclpy.spin(node)
 
 def test_a_program_with_a_broken_token_is_still_located():
     (address,) = SandboxNetwork(Check(), 0).locate("/add")
-    assert (address.place, address.token) == ("127.0.0.1:7000", b"")
+    assert (address.text, address.token) == ("127.0.0.1:7000", b"")
 
 
 def test_the_checks_cannot_take_the_name_of_a_program():

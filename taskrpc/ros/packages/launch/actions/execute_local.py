@@ -29,7 +29,7 @@ from ..launch_context import LaunchContext
 from ..logging import get_logger, launch_config, output_targets
 from ..some_substitutions_type import SomeSubstitutionsType
 from ..substitution import normalize_to_list_of_substitutions, perform, perform_substitutions
-from ..utilities.places import remember_place
+from ..utilities.locations import remember_location
 from ..utilities.type_utils import perform_typed_substitution
 
 _COUNT = "number of programs"
@@ -263,7 +263,7 @@ class ExecuteLocal(Action):
         if error is None:
             self._completed.set_result(None)
         else:
-            remember_place(error, self._place)
+            remember_location(error, self._location)
             self._completed.set_exception(error)
 
     async def _run_once(self, context: LaunchContext, prepared: PreparedCommand) -> bool:
@@ -287,12 +287,12 @@ class ExecuteLocal(Action):
                 has_terminal=self._has_terminal,
             )
         except (OSError, ValueError) as error:  # ValueError: a word contains a null character
-            place = f" in {prepared.cwd}" if prepared.cwd else ""
+            where = f" in {prepared.cwd}" if prepared.cwd else ""
             first = prepared.shown[0]
             reason = os_errors.reason_of(error) if isinstance(error, OSError) else str(error)
             if isinstance(error, FileNotFoundError) and " " in first:
                 reason += " (each word of a command is an item of `cmd`, without `shell=True`)"
-            logger.error(f"cannot start '{first}'{place}: {reason}; the other programs continue")
+            logger.error(f"cannot start '{first}'{where}: {reason}; the other programs continue")
             return False
         self._started.set()
         context.at_end.append(tree.end_descendants)

@@ -202,8 +202,8 @@ def split(parts: Iterable[Substitution]) -> list[list[Substitution]]:
             words[-1].append(part)
             continue
         pieces = _pieces(part.text)
-        for place, piece in enumerate(pieces):
-            if place:
+        for index, piece in enumerate(pieces):
+            if index:
                 words.append([])
             if piece:
                 words[-1].append(TextSubstitution(text=piece))

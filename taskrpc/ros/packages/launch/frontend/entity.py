@@ -16,7 +16,7 @@ class Entity:
         type_name: the element's name.
         attributes: texts in XML; in YAML other values, too.
         children: the elements inside.
-        place: where the element is, for messages.
+        location: where the element is, for messages.
     """
 
     def __init__(
@@ -24,12 +24,12 @@ class Entity:
         type_name: str,
         attributes: Mapping[str, Any],
         children: Sequence[Entity] = (),
-        place: str = "",
+        location: str = "",
     ) -> None:
         self._type_name = type_name
         self._attributes = dict(attributes)
         self._children = list(children)
-        self._place = place
+        self._location = location
         self._used: set[str] = set()
         self._all_children_used = False
 
@@ -45,9 +45,9 @@ class Entity:
         return self._children
 
     @property
-    def place(self) -> str:
+    def location(self) -> str:
         """Where the element is: a file and a line, "" if that is unknown."""
-        return self._place
+        return self._location
 
     def get_attr(
         self, name: str, *, data_type: Any = str, optional: bool = False, can_be_str: bool = True

@@ -41,8 +41,8 @@ class Parser:
         except ElementError:
             raise
         except (AttributeError, RuntimeError, TypeError, ValueError) as error:
-            place = f"{entity.place}: " if entity.place else ""
-            raise ElementError(f"{place}{error}") from None
+            location = f"{entity.location}: " if entity.location else ""
+            raise ElementError(f"{location}{error}") from None
         return action
 
     def parse_substitution(self, value: Any) -> list[Substitution]:
@@ -57,6 +57,6 @@ class Parser:
         """Return the launch description of a file's outermost element."""
         if entity.type_name != "launch":
             raise ElementError(
-                f"{entity.place}: Expected 'launch' as root tag, got '{entity.type_name}'"
+                f"{entity.location}: Expected 'launch' as root tag, got '{entity.type_name}'"
             )
         return LaunchDescription([self.parse_action(each) for each in entity.children])

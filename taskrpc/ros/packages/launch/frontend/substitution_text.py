@@ -38,68 +38,68 @@ class _Reader:
 
     def __init__(self, text: str) -> None:
         self._text = text
-        self._place = 0
+        self._position = 0
         self._level = 0
 
     def template(self, end: str) -> Template:
         """The parts up to one of these characters, which is not read; to the end for none."""
         found: Template = []
         plain: list[str] = []
-        while self._place < len(self._text):
-            character = self._text[self._place]
+        while self._position < len(self._text):
+            character = self._text[self._position]
             if character in end:
                 break
-            if self._text.startswith("$(", self._place):
+            if self._text.startswith("$(", self._position):
                 if plain:
                     found.append("".join(plain))
                     plain = []
                 found.append(self._call())
-            elif character == "\\" and self._place + 1 < len(self._text):
-                plain.append(self._text[self._place + 1])
-                self._place += 2
+            elif character == "\\" and self._position + 1 < len(self._text):
+                plain.append(self._text[self._position + 1])
+                self._position += 2
             else:
                 plain.append(character)
-                self._place += 1
+                self._position += 1
         if plain:
             found.append("".join(plain))
         return found
 
     def _call(self) -> Call:
-        start = self._place
+        start = self._position
         self._level += 1
         if self._level > _MOST_LEVELS:
             raise SubstitutionTextError(f"more than {_MOST_LEVELS} nested substitutions")
-        self._place += len("$(")
-        name = _NAME.match(self._text, self._place)
+        self._position += len("$(")
+        name = _NAME.match(self._text, self._position)
         if name is None:
             raise self._error(start, "expected a name behind $(")
-        self._place = name.end()
+        self._position = name.end()
         arguments = []
         while self._skip_spaces():
             arguments.append(self._argument(start))
-        if not self._text.startswith(")", self._place):
+        if not self._text.startswith(")", self._position):
             raise self._error(start, "expected ) at its end")
-        self._place += 1
+        self._position += 1
         self._level -= 1
         return Call(name[0], tuple(arguments))
 
     def _skip_spaces(self) -> bool:
         """Go to the next argument; returns whether there is one."""
-        before = self._place
-        while self._place < len(self._text) and self._text[self._place].isspace():
-            self._place += 1
-        is_end = self._place == len(self._text) or self._text[self._place] == ")"
-        return self._place > before and not is_end
+        before = self._position
+        while self._position < len(self._text) and self._text[self._position].isspace():
+            self._position += 1
+        is_end = self._position == len(self._text) or self._text[self._position] == ")"
+        return self._position > before and not is_end
 
     def _argument(self, start: int) -> Template:
-        quote = self._text[self._place]
+        quote = self._text[self._position]
         if quote not in "'\"":
             return self.template(" \t\r\n)")
-        self._place += 1
+        self._position += 1
         found = self.template(quote)
-        if self._place == len(self._text):
+        if self._position == len(self._text):
             raise self._error(start, f"expected {quote} at the end of its argument")
-        self._place += 1
+        self._position += 1
         return found
 
     def _error(self, start: int, expected: str) -> SubstitutionTextError:

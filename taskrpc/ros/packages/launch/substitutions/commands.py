@@ -40,8 +40,8 @@ def _xacro(words: list[str]) -> list[str]:
     """The command that runs xacro with the packages of this workspace; [] for other commands."""
     if words[:1] != ["xacro"] or importlib.util.find_spec("xacro") is None:
         return []
-    places = json.dumps([str(place) for place in hook.starts()])
-    return [sys.executable, "-P", "-c", _XACRO, places, *words[1:]]
+    folders = json.dumps([str(folder) for folder in hook.starts()])
+    return [sys.executable, "-P", "-c", _XACRO, folders, *words[1:]]
 
 
 class PythonExpression(Substitution):

@@ -112,7 +112,7 @@ class ThisLaunchFile(Substitution):
 
     def perform(self, context: LaunchContext) -> str:
         """Return the path; raises SubstitutionFailure outside a launch file."""
-        return _place(context, "current_launch_file_path", "ThisLaunchFile")
+        return _of_launch_file(context, "current_of_launch_file", "ThisLaunchFile")
 
 
 class ThisLaunchFileDir(Substitution):
@@ -124,7 +124,7 @@ class ThisLaunchFileDir(Substitution):
 
     def perform(self, context: LaunchContext) -> str:
         """Return the folder; raises SubstitutionFailure outside a launch file."""
-        return _place(context, "current_launch_file_directory", "ThisLaunchFileDir")
+        return _of_launch_file(context, "current_launch_file_directory", "ThisLaunchFileDir")
 
 
 class LaunchLogDir(Substitution):
@@ -139,7 +139,7 @@ class LaunchLogDir(Substitution):
         return launch_config.log_dir
 
 
-def _place(context: LaunchContext, name: str, substitution: str) -> str:
+def _of_launch_file(context: LaunchContext, name: str, substitution: str) -> str:
     value = context.get_locals_as_dict().get(name)
     if value is None:
         raise SubstitutionFailure(f"{substitution} used outside of a launch file (in a script)")

@@ -28,9 +28,9 @@ def ensure_argument_type(argument: Any, types: Any, argument_name: str, caller: 
     wanted = tuple(types) if isinstance(types, (list, tuple)) else (types,)
     if not isinstance(argument, wanted):
         names = ", ".join(each.__name__ for each in wanted)
-        place = f"{caller} " if caller else ""
+        front = f"{caller} " if caller else ""
         raise TypeError(
-            f"{place}expected '{argument_name}' to be of type {names}, got {type(argument)}"
+            f"{front}expected '{argument_name}' to be of type {names}, got {type(argument)}"
         )
 
 

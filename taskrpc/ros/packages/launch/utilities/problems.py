@@ -1,10 +1,10 @@
-"""Turns the errors of launch files into one line with the place and the next step."""
+"""Turns the errors of launch files into one line with the location and the next step."""
 
 from __future__ import annotations
 
 from taskrpc.ros.executables import missing_package
 
-from .places import place_of
+from .locations import location_of
 
 _CLONE = "clone the repository of the package into the src folder of your workspace"
 
@@ -20,10 +20,10 @@ def explained(error: BaseException) -> str:
     if isinstance(error, RecursionError):
         problem = "too deep: a launch file includes itself, or a function calls itself without end"
     step = _next_step(error, problem)
-    place = place_of(error)
+    location = location_of(error)
     is_told = isinstance(error, (RuntimeError, FileNotFoundError))
     kind = "" if is_told or type(error).__name__ in problem else f"{type(error).__name__}: "
-    front = f"{place}: {kind}" if place else ""
+    front = f"{location}: {kind}" if location else ""
     return f"{front}{problem}{step}"
 
 

@@ -14,10 +14,10 @@ _VISITOR = os.path.join(_PACKAGES, "launch", "launch_description_entity.py")
 _LIBRARIES = {sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib", "scripts")}
 _TASKRPC = os.path.dirname(os.path.dirname(_PACKAGES))
 _FOREIGN = ("<", *(os.path.join(folder, "") for folder in (_TASKRPC, *_LIBRARIES)))
-_PLACE = "_place_in_launch_file"
+_LOCATION = "_location_in_launch_file"
 
 
-def place_of_caller() -> str:
+def location_of_caller() -> str:
     """The innermost line that belongs to a launch file or its package; "" if there is none."""
     frame: FrameType | None = sys._getframe(1)
     while frame is not None:
@@ -29,8 +29,8 @@ def place_of_caller() -> str:
     return ""
 
 
-def place_in(trace: TracebackType | None) -> str:
-    """As `place_of_caller`, in a traceback."""
+def location_in(trace: TracebackType | None) -> str:
+    """As `location_of_caller`, in a traceback."""
     found = ""
     for frame in traceback.extract_tb(trace):
         if _is_of_a_launch_file(frame.filename):
@@ -38,16 +38,16 @@ def place_in(trace: TracebackType | None) -> str:
     return found
 
 
-def remember_place(error: BaseException, place: str) -> None:
+def remember_location(error: BaseException, location: str) -> None:
     """Remember where an error belongs whose traceback has no line of a launch file."""
-    if place and not place_of(error):
+    if location and not location_of(error):
         with contextlib.suppress(AttributeError):  # a class with slots
-            setattr(error, _PLACE, place)
+            setattr(error, _LOCATION, location)
 
 
-def place_of(error: BaseException) -> str:
+def location_of(error: BaseException) -> str:
     """The line of the launch file to which an error belongs; "" if it is unknown."""
-    return place_in(error.__traceback__) or getattr(error, _PLACE, "")
+    return location_in(error.__traceback__) or getattr(error, _LOCATION, "")
 
 
 def _is_of_a_launch_file(file: str) -> bool:
