@@ -3,6 +3,7 @@
 Nothing that is not an entry is removed, and no link is followed.
 """
 
+import asyncio
 import contextlib
 import logging
 import os
@@ -18,6 +19,7 @@ from taskrpc.core.system import file_locks, folders, private_files
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.core.transport.discovery.journal import line_of
 from taskrpc.core.transport.discovery.registry import Registry
+from taskrpc.core.transport.tcp.tcp_network import ENTRY_CHECK, TcpNetwork
 
 pytestmark = pytest.mark.skipif(
     sys.platform == "win32", reason="an open folder cannot be replaced on Windows"
@@ -142,8 +144,8 @@ def test_a_program_says_once_why_it_finds_no_others(registry, victim, caplog):
     with caplog.at_level(logging.WARNING, "taskrpc"):
         assert [scripts(registry) for _ in range(3)] == [["adder.py"]] * 3
     assert [each.getMessage() for each in caplog.records] == [
-        f"this program finds no others: {the_folder()}: expected a folder of this user's,"
-        " found a link or a file"
+        f"this program and others do not find each other: {the_folder()}: expected a folder of"
+        " this user's, found a link or a file"
     ]
     with pytest.raises(taskrpc.TaskRpcError, match="found a link or a file"):
         publish(registry)
@@ -258,6 +260,59 @@ def test_a_change_after_the_folder_was_removed_is_published_with_the_whole_entry
     assert [each.nodes for each in other.entries()] == [("/a", "/b")]
     assert stat.S_IMODE(the_folder().stat().st_mode) == 0o700
     other.close()
+
+
+def remove_runtime_folder(path):
+    shutil.rmtree(path.parent)
+
+
+def remove_files(path):
+    for each in path.iterdir():
+        each.unlink()
+
+
+@pytest.mark.parametrize("remove", [remove_runtime_folder, shutil.rmtree, remove_files])
+async def test_an_idle_server_is_found_again_after_its_entry_was_removed(remove):
+    network, other = TcpNetwork(domain=0), Registry(0)
+    await network.open()
+    network.publish(TrackedEntry(entry()), EntryChange())
+    for _ in range(2):
+        remove(the_folder())
+        assert scripts(other) == []
+        await asyncio.sleep(ENTRY_CHECK)
+        assert scripts(other) == ["adder.py"]
+    network.close()
+    await asyncio.sleep(ENTRY_CHECK)
+    assert scripts(other) == []
+    other.close()
+
+
+async def test_an_idle_server_says_once_why_its_entry_cannot_be_written(victim, caplog):
+    network = TcpNetwork(domain=0)
+    await network.open()
+    network.publish(TrackedEntry(entry()), EntryChange())
+    put_link(the_folder(), victim)
+    await asyncio.sleep(3 * ENTRY_CHECK)
+    network.close()
+    assert [each.getMessage() for each in caplog.records] == [
+        f"this program and others do not find each other: {the_folder()}: expected a folder of"
+        " this user's, found a link or a file"
+    ]
+
+
+async def test_a_server_whose_unix_socket_was_removed_says_once_what_to_do(caplog):
+    network = TcpNetwork(domain=0, listen="unix:")
+    await network.open()
+    path = network.listen(asyncio.BufferedProtocol).removeprefix("unix:")
+    await asyncio.sleep(ENTRY_CHECK)
+    assert caplog.records == []
+    shutil.rmtree(platform.runtime_dir())
+    await asyncio.sleep(3 * ENTRY_CHECK)
+    await network.stop_listening()
+    network.close()
+    assert [each.getMessage() for each in caplog.records] == [
+        f"the socket {path} was removed: no program can call this one until it is restarted"
+    ]
 
 
 @pytest.mark.skipif(not IS_ROOT, reason="needs root, to give a folder to another user")

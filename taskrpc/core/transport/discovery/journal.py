@@ -63,6 +63,10 @@ class Journal:
         with contextlib.suppress(OSError):  # removed: no other process can read it
             self._folder.set_time(self._name, self._written)
 
+    def was_removed(self) -> bool:
+        """Return whether the file has no name any more; it is still open and locked."""
+        return os.fstat(self._descriptor).st_nlink == 0
+
     def close(self) -> None:
         """Close the file, which releases its lock."""
         os.close(self._descriptor)

@@ -79,11 +79,12 @@ class Registry:
             self._touch()
 
     def _renew(self) -> None:
-        """If the folder was removed or replaced, open it again and write this process's entry.
+        """Write this process's entry again if its file or its folder was removed or replaced.
 
         Raises TaskRpcError and OSError.
         """
-        if self._folder.renew() and self._journal is not None:
+        is_new = self._folder.renew()
+        if self._journal is not None and (is_new or self._journal.was_removed()):
             self._journal.close()
             self._journal = None
         if self._journal is None and self._mine is not None:
@@ -96,7 +97,7 @@ class Registry:
 
     def others(self) -> list[TrackedEntry]:
         """The tracked entries of all other living processes."""
-        if not self._is_there():
+        if not self.keep_entry():
             return []
         found: list[TrackedEntry] = []
         unclear = []
@@ -133,18 +134,21 @@ class Registry:
         """A value that changes when any entry has changed; cheap enough to poll."""
         # One file for any number of processes: every change sets the time of the lock file.
         try:
-            return self._folder.status(_LOCK).st_mtime_ns if self._is_there() else 0
+            return self._folder.status(_LOCK).st_mtime_ns if self.keep_entry() else 0
         except OSError:
             return 0
 
-    def _is_there(self) -> bool:
-        """Return whether the folder is open, after `_renew`; log a new reason if it is not."""
+    def keep_entry(self) -> bool:
+        """Write this process's entry again if it was removed; return whether the folder is open.
+
+        If it is not, log the reason once. Cheap enough to poll.
+        """
         try:
             self._renew()
         except (TaskRpcError, OSError) as error:
             if str(error) != self._problem:
                 self._problem = str(error)
-                _logger.warning("this program finds no others: %s", error)
+                _logger.warning("this program and others do not find each other: %s", error)
             return False
         self._problem = ""
         return True

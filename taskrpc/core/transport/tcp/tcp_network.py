@@ -46,6 +46,9 @@ POLL = 0.04
 SLOW_POLL = 0.1
 """The same while only subscriptions wait; they wait as long as they exist."""
 
+ENTRY_CHECK = 2.0
+"""Seconds between two checks that the files with which others find this program are still there."""
+
 
 class TcpNetwork:
     """TCP on this machine's loopback, or at the addresses of `listen` and `peers`.
@@ -87,6 +90,9 @@ class TcpNetwork:
         self._registry = Registry(domain)
         self._listener: Listener | None = None
         self._remove_socket: Callable[[], object] = lambda: None
+        self._socket_file = ""
+        """The path of the Unix socket at which it listens; "" for none, and after its removal."""
+        self._entry_check: asyncio.TimerHandle | None = None
         self._seen: object = None
         """The registry's signature when it was read last, at `_looked` on the loop's clock."""
         self._looked = float("-inf")
@@ -97,7 +103,9 @@ class TcpNetwork:
         return not self._peers
 
     async def open(self) -> None:
-        """Do nothing: the registry of this machine and sockets need no preparation."""
+        """Begin to check that other programs can still find this one."""
+        if self._entry_check is None:
+            self._check_entry()
 
     def listen(self, factory: Factory) -> str:
         """Accept connections from now on; return the address. Raises CannotListen."""
@@ -108,6 +116,7 @@ class TcpNetwork:
             sock, path, made = bound_unix(self._listen_at, name)
             self._remove_socket = partial(remove_unix, path, made)
             self._listener = Listener(sock, factory)
+            self._socket_file = path
             return PREFIX + path
         host, port = split_address(self._listen_at)
         if not is_loopback(host):
@@ -248,6 +257,7 @@ class TcpNetwork:
 
     async def stop_listening(self) -> None:
         """Accept no more connections."""
+        self._socket_file = ""
         if self._listener is not None:
             listener, self._listener = self._listener, None
             await listener.close()
@@ -255,7 +265,18 @@ class TcpNetwork:
 
     def close(self) -> None:
         """Remove this process's registry entry."""
+        if self._entry_check is not None:
+            self._entry_check.cancel()
         self._registry.close()
+
+    def _check_entry(self) -> None:
+        """Write the registry entry again if it was removed, as by `rm -rf` or a cleaner of /tmp."""
+        self._entry_check = asyncio.get_running_loop().call_later(ENTRY_CHECK, self._check_entry)
+        self._registry.keep_entry()
+        if self._socket_file and not os.path.lexists(self._socket_file):
+            text = "the socket %s was removed: no program can call this one until it is restarted"
+            log.warning(text, self._socket_file)
+            self._socket_file = ""
 
     def _context(self, address: Address) -> ssl.SSLContext | None:
         """TLS by the registry's certificate; for peers elsewhere, by this node's settings."""
