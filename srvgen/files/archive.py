@@ -63,6 +63,14 @@ def unpacked(package: str) -> Path:
     return folder
 
 
+def package_of(path: str) -> str:
+    """The package in whose `unpacked` folder a path is; "" for any other path."""
+    if not _temporary_folder.cache_info().currsize:
+        return ""  # nothing is unpacked
+    folder, parts = _temporary_folder().parts, Path(path).parts
+    return parts[len(folder)] if parts[: len(folder)] == folder and parts != folder else ""
+
+
 @cache
 def _temporary_folder() -> Path:
     from tempfile import TemporaryDirectory  # only few programs need it

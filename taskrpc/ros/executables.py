@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from srvgen.definitions.names import similar_names
+from srvgen.files import archive
 from taskrpc.errors import TaskRpcError
 from taskrpc.ros import bundled, cmake, installed, workspace
 from taskrpc.ros.missing import explain_program
@@ -24,9 +26,11 @@ def missing_folder(package: str) -> Path:
 
 
 def missing_package(path: str) -> str:
-    """The package whose missing folder contains a path, "" for any other path."""
+    """The package that a path belongs to, if taskrpc has at most its definitions, else ""."""
     parts = Path(path).parts
-    return parts[parts.index(_MISSING) + 1] if _MISSING in parts[:-1] else ""
+    if _MISSING in parts[:-1]:
+        return parts[parts.index(_MISSING) + 1]
+    return "" if os.path.exists(path) else archive.package_of(path)
 
 
 def run_arguments(package: str, executable: str, starts: Sequence[Path]) -> list[str]:

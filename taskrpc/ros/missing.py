@@ -71,6 +71,7 @@ _PROGRAMS = {
 _CLONE = "in the src folder of your workspace, run git clone {} (no build is needed)"
 _TELEOP = _CLONE.format("https://github.com/ros2/teleop_twist_keyboard")
 _LASER = _CLONE.format("-b jazzy https://github.com/ros-perception/laser_geometry")
+_PYTHON["teleop_twist_keyboard"] = f"it is in Python and runs here; {_TELEOP}"
 _PYTHON["laser_geometry"] = f"its Python part runs here, its C++ library does not; {_LASER}"
 _PROGRAMS |= {
     "joint_state_publisher_gui": (
@@ -80,7 +81,6 @@ _PROGRAMS |= {
     "slam_toolbox": (
         "its programs are in C++ and run only on a real ROS 2; taskrpc has only its definitions"
     ),
-    "teleop_twist_keyboard": f"it is in Python and runs here; {_TELEOP}",
 }
 
 WHAT_RUNS = "taskrpc runs Python programs; C++ programs, rqt, RViz and Gazebo need a real ROS 2"

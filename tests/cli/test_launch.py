@@ -11,6 +11,7 @@ from taskrpc.cli.launch import _launch_file, parse_arguments
 from taskrpc.cli.main import parser_of
 from taskrpc.cli.shared.command import UsageError
 from taskrpc.errors import TaskRpcError
+from taskrpc.ros.missing import explain_program
 
 pytestmark = pytest.mark.real_time
 
@@ -115,14 +116,23 @@ def test_options_may_stand_anywhere(line):
     assert options.show_all_subprocesses_output
 
 
-def test_launch_file_of_a_missing_package_is_left_out(launch, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("package", "reason"),
+    [
+        ("grocery_shop", "taskrpc does not have this package"),
+        ("slam_toolbox", explain_program("slam_toolbox")),  # its definitions are here
+    ],
+)
+def test_launch_file_of_a_missing_package_is_left_out(
+    launch, tmp_path, monkeypatch, package, reason
+):
     (tmp_path / "a.launch.py").write_text(
         "import os\nfrom ament_index_python.packages import get_package_share_directory\n"
         "from launch import LaunchDescription\n"
         "from launch.actions import IncludeLaunchDescription, LogInfo\n"
         "def generate_launch_description():\n"
         "    assert (os.environ['ROS_VERSION'], os.environ['ROS_DISTRO']) == ('2', 'kilted')\n"
-        "    share = get_package_share_directory('gazebo_ros')\n"
+        f"    share = get_package_share_directory('{package}')\n"
         "    world = IncludeLaunchDescription(os.path.join(share, 'launch', 'world.launch.py'))\n"
         "    return LaunchDescription([world, LogInfo(msg='the rest')])\n"
     )
@@ -131,8 +141,8 @@ def test_launch_file_of_a_missing_package_is_left_out(launch, tmp_path, monkeypa
     code, out, _ = launch("a.launch.py")
     assert code == 0
     assert out.splitlines()[2:] == [
-        "[WARNING] [launch]: the launch file world.launch.py of the package 'gazebo_ros' is left"
-        " out: taskrpc does not have this package",
+        f"[WARNING] [launch]: the launch file world.launch.py of the package '{package}' is left"
+        f" out: {reason}",
         "[INFO] [launch.user]: the rest",
     ]
 

@@ -40,6 +40,10 @@ def hooked(tmp_path, monkeypatch):
             "laser_geometry",
             "its Python part runs here, its C++ library does not; in the src folder",
         ),
+        (
+            "teleop_twist_keyboard",
+            "it is in Python and runs here; in the src folder of your workspace, run git clone",
+        ),
         ("image_geometry", "use the camera functions of OpenCV; `cv_bridge` converts the images"),
         ("nav2_simple_commander", "Nav2 runs only on a real ROS 2"),
         ("nav2_common.launch", "Nav2 runs only on a real ROS 2"),

@@ -117,6 +117,12 @@ def test_unpacked_package_is_a_folder_until_python_ends():
     assert archive.unpacked("stereo_msgs") == folder
 
 
+def test_path_below_an_unpacked_package_belongs_to_it():
+    folder = archive.unpacked("stereo_msgs")
+    paths = [folder, folder / "launch" / "none.launch.py", folder.parent, "stereo_msgs/launch", ""]
+    assert [archive.package_of(str(each)) for each in paths] == ["stereo_msgs"] * 2 + [""] * 3
+
+
 @pytest.mark.real_time
 def test_a_program_imports_a_package_of_the_archive():
     program = (

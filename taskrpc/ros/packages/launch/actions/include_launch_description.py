@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from taskrpc.ros.executables import missing_package
+from taskrpc.ros.missing import explain_program
 
 from ..action import Action
 from ..launch_context import LaunchContext
@@ -73,7 +74,7 @@ class IncludeLaunchDescription(Action):
             warn_once(
                 context,
                 f"the launch file {os.path.basename(path)} of the package '{package}' is left out:"
-                " taskrpc does not have this package",
+                f" {explain_program(package) or 'taskrpc does not have this package'}",
             )
             return None
         description = self._source.get_launch_description(context)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from taskrpc.ros.executables import missing_package
+from taskrpc.ros.missing import explain_program
 
 from .locations import location_of
 
@@ -29,7 +30,8 @@ def explained(error: BaseException) -> str:
 
 def _next_step(error: BaseException, problem: str) -> str:
     if package := _missing_in(problem):
-        return f"; taskrpc does not have the package '{package}': {_CLONE}"
+        step = f"taskrpc does not have the package '{package}': {_CLONE}"
+        return f"; {explain_program(package) or step}"
     if isinstance(error, ModuleNotFoundError) and ";" not in problem:
         return f"; if it belongs to a ROS package, {_CLONE}, otherwise install it with pip"
     if isinstance(error, KeyError) and problem.isidentifier() and problem.isupper():
