@@ -152,6 +152,6 @@ def _why(before: Process) -> str:
     if before.services and not now.services:
         return "waits for calls in flight, and then ends; --force does not wait for them"
     return (
-        "does not react: a callback may block it, or it handles the signal itself; --force ends it"
-        " at once"
+        "does not react: a callback or a loop may block it, or it handles the signal itself;"
+        " --force ends it at once"
     )

@@ -264,7 +264,40 @@ def test_a_blocked_program_or_one_with_a_handler_is_not_called_ending(
 ):
     with held(tmp_path, monkeypatch, "lambda *_: None", create=create):
         assert json.loads(run("ps", "--json")[1])[0]["state"] == "running"
-        assert ") does not react: a callback may block it, or it handles the" in run("stop")[2]
+        assert ") does not react: a callback or a loop may block it, or it" in run("stop")[2]
+
+
+BUSY = """
+import rclpy
+from std_srvs.srv import Trigger
+rclpy.init()
+node = rclpy.create_node("busy")
+future = node.create_client(Trigger, "nobody").call_async(Trigger.Request())
+print("there", flush=True)
+while not future.done():
+    pass
+"""
+"""A frequent mistake. With ROS's own rclpy, SIGTERM does not end this program either."""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="Windows cannot ask a process to end")
+def test_a_busy_loop_is_reported_and_ended_with_force(tmp_path, run, monkeypatch):
+    (tmp_path / "busy.py").write_text(BUSY, encoding="utf-8")
+    monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 0.1)
+    command = [sys.executable, "-m", "taskrpc", "run", "busy.py"]
+    with subprocess.Popen(
+        command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True
+    ) as program:
+        try:
+            assert program.stdout.readline() == "there\n"
+            code, out, err = run("stop")
+            assert (code, out, program.poll()) == (1, "", None)
+            assert ") does not react: a callback or a loop may block it" in err
+            monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 60)
+            assert run("stop", "--force")[:2] == (0, f"stopped busy.py (pid {program.pid})\n")
+            assert program.wait(60) == -signal.SIGKILL
+        finally:
+            program.kill()
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
