@@ -111,7 +111,7 @@ def _run(arguments: list[str]) -> int:
     if options.version:
         return _print_version()
     process.start_work()
-    return int(options.run(options))
+    return int(options.run(options) or 0)  # a command of another package may return None
 
 
 def _complete() -> NoReturn:

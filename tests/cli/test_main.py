@@ -5,6 +5,7 @@ import ast
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -135,6 +136,14 @@ def test_help_lists_the_commands_under_headings(capsys):
     assert headings[1:] == ["Commands", "Your shell and your Python", "Classes", "ROS packages"]
     for name, purpose in main.COMMANDS.items():
         assert re.search(rf"^  {name} +{re.escape(purpose)}$", shown, re.M)
+
+
+def test_a_command_of_another_package_that_returns_nothing_succeeds(monkeypatch, capsys):
+    module = ModuleType("greet_command", "Greet everybody.")
+    module.configure = lambda parser: parser.set_defaults(run=lambda options: print("Hello!"))
+    monkeypatch.setattr(main, "_added_commands", lambda command: {"greet": module})
+    assert main.main(["greet"]) == 0
+    assert capsys.readouterr().out == "Hello!\n"
 
 
 def test_the_help_of_run_names_ros_enable():
