@@ -11,7 +11,7 @@ from srvgen.definitions.names import similar_names
 from srvgen.files import archive
 from taskrpc.errors import TaskRpcError
 from taskrpc.ros import bundled, cmake, installed, workspace
-from taskrpc.ros.missing import explain_program
+from taskrpc.ros.missing import WHAT_RUNS, explain_program
 
 _MISSING = "taskrpc-does-not-have"
 
@@ -66,7 +66,9 @@ def _check_executable(package: str, folder: Path, executable: str) -> None:
     if executable in names or installed.script(folder, executable) is not None:
         return
     if executable in compiled_programs(folder):
-        raise NotHere(f"'{executable}' of the package '{package}' is a compiled program")
+        compiled = NotHere(f"'{executable}' of the package '{package}' is a compiled program")
+        compiled.add_note(WHAT_RUNS)
+        raise compiled
     has = ", ".join(sorted(names)) or "no executables"
     raise TaskRpcError(
         f"executable '{executable}' not found in the package '{package}' at '{folder}';"

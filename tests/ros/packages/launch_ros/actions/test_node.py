@@ -4,6 +4,8 @@ import importlib
 
 import pytest
 
+from taskrpc.ros.missing import WHAT_RUNS
+
 
 @pytest.fixture
 def ros(launch):
@@ -20,6 +22,21 @@ async def test_program_that_is_not_here_is_named_once_and_the_rest_starts(launch
             " not started; the other programs start (taskrpc has no rviz2; start it on a real"
             " ROS 2)",
             "[INFO] [launch.user]: the rest",
+        ],
+    )
+
+
+async def test_program_in_cpp_is_left_out_with_what_runs_here(ros, play, tmp_path, monkeypatch):
+    package = tmp_path / "src" / "waves"
+    package.mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>waves</name></package>")
+    (package / "CMakeLists.txt").write_text("add_executable(wave src/wave.cpp)\n")
+    monkeypatch.chdir(tmp_path)
+    assert await play(ros.Node(package="waves", executable="wave")) == (
+        0,
+        [
+            "[WARNING] [launch]: 'wave' of the package 'waves' is a compiled program, so it is not"
+            f" started; the other programs start ({WHAT_RUNS})"
         ],
     )
 
