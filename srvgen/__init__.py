@@ -14,10 +14,11 @@ if TYPE_CHECKING:
     from ._runtime import FieldError
     from .cdr.messages import CdrError, from_cdr, to_cdr
     from .classes.importer import install_import_hook
-    from .classes.loader import define, load, type_hash
+    from .classes.loader import define, type_hash
     from .convert import from_builtins, to_builtins
     from .errors import DefinitionError
     from .parser import parse_action, parse_msg, parse_srv
+    from .stubs import load  # for a type that comes with srvgen, its class; otherwise Any
 
 __all__ = [
     "CdrError",

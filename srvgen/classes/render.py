@@ -54,9 +54,10 @@ class Import(Struct, frozen=True):
         """The module that defines the class: `geometry_msgs.msg._point`."""
         return f"{self.package}.{self.kind}.{module_name(self.name)}"
 
-    def __str__(self) -> str:
+    def statement(self, home: str = "") -> str:
+        """The import statement; `home` precedes the name of the module, as in `srvgen.stubs.`."""
         renamed = "" if self.alias == self.name else f" as {self.alias}"
-        return f"from {self.module} import {self.name}{renamed}"
+        return f"from {home}{self.module} import {self.name}{renamed}"
 
 
 class Block(Struct, frozen=True):
@@ -111,11 +112,18 @@ def render(definition: Definition, hasher: Hasher, text: str) -> ModuleSource:
     ]
     kind = definition.full_name.split("/")[1]
     module = f"{definition.package}.{kind}.{module_name(definition.name)}"
-    return ModuleSource(module, _header(definition, imports, "".join(map(str, blocks))), blocks)
+    statements = [one.statement() for one in imports]
+    header = _header(definition, statements, _OWN_RUNTIME, "".join(map(str, blocks)))
+    return ModuleSource(module, header, blocks)
 
 
-def render_stub(definition: Definition) -> str:
-    """Render the stub (.pyi) of the same module for editors and type checkers."""
+def render_stub(definition: Definition, home: str = "") -> str:
+    """Render the stub (.pyi) of the same module for editors and type checkers.
+
+    Args:
+        definition: the definition of a whole file.
+        home: precedes the names of the modules that the stub imports, as in `srvgen.stubs.`.
+    """
     parts = [*derived_types(definition), definition]
     imports = imports_of(definition)
     names = {one.full_name: one.alias for one in imports}
@@ -127,7 +135,8 @@ def render_stub(definition: Definition) -> str:
         for one in sorted(parts, key=lambda one: not isinstance(one, MessageDef))
     ]
     body = "\n\n".join("\n".join(block) + "\n" for block in blocks)
-    return f"{_header(definition, imports, body, STUB_RUNTIME)}\n\n{body}"
+    statements = [one.statement(home) for one in imports]
+    return f"{_header(definition, statements, STUB_RUNTIME, body)}\n\n{body}"
 
 
 def imports_of(definition: Definition) -> tuple[Import, ...]:
@@ -164,13 +173,11 @@ def _refuse_ros1(messages: Sequence[MessageDef]) -> None:
                 )
 
 
-def _header(
-    definition: Definition, imports: Sequence[Import], body: str, runtime: str = _OWN_RUNTIME
-) -> str:
+def _header(definition: Definition, imports: Sequence[str], runtime: str, body: str) -> str:
     groups = [
         [f"import {name} as _{name}" for name in _STANDARD if _uses(body, name)],
         ["import msgspec as _msgspec"] if _uses(body, "msgspec") else [],
-        [str(one) for one in imports],
+        imports,
         [runtime],
     ]
     text = f'"""{definition.full_name}, {GENERATED}"""\n# ruff: noqa\n'

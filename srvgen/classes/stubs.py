@@ -3,6 +3,9 @@
 Pyright and Pylance find stubs in `typings/` without a setting, mypy with
 `mypy_path = "typings"`. One stub replaces srvgen itself: it has an overload of `load` for every
 type, and re-exports all other names.
+
+The stubs of the packages that come with srvgen are committed: in `srvgen/stubs`, not under their
+own names, which would hide the packages of an installed ROS. `srvgen.load` has overloads for them.
 """
 
 from __future__ import annotations
@@ -10,7 +13,7 @@ from __future__ import annotations
 import inspect
 import keyword
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
 
 from .. import EXPORTS
@@ -23,6 +26,9 @@ from ..files.search import Search
 from .generate import exports
 from .render import GENERATED, render_stub
 from .render_expressions import docstring, module_name
+
+BUNDLED_STUBS = "srvgen.stubs."
+"""Precedes the names of the modules of `bundled_stubs`."""
 
 
 def packages_with_dependencies(
@@ -61,16 +67,39 @@ def packages_with_dependencies(
 
 def stubs(definitions: Mapping[str, Definition]) -> dict[str, str]:
     """The stub files of these definitions and of srvgen itself, by relative path."""
+    output = _packages(definitions, "")
+    output["srvgen/__init__.pyi"] = _text(
+        f'"""srvgen, with a `load` that knows the types of this project; {GENERATED}"""',
+        *_overloads(definitions, "", _reexports()),
+    )
+    return dict(sorted(output.items()))
+
+
+def bundled_stubs(definitions: Mapping[str, Definition]) -> dict[str, str]:
+    """The stub files of `srvgen/stubs`: the packages, and a `load` with an overload for each type.
+
+    Returns:
+        Texts by path relative to this folder.
+    """
+    output = _packages(definitions, BUNDLED_STUBS)
+    output["__init__.pyi"] = _text(
+        f'"""`srvgen.load` with the types that come with srvgen; {GENERATED}"""',
+        *_overloads(definitions, BUNDLED_STUBS),
+    )
+    return dict(sorted(output.items()))
+
+
+def _packages(definitions: Mapping[str, Definition], home: str) -> dict[str, str]:
     folders: dict[tuple[str, Kind], list[str]] = {}
-    output = {"srvgen/__init__.pyi": "\n".join(_srvgen_stub(definitions)) + "\n"}
+    output = {}
     for name, definition in definitions.items():
         package, kind, bare = split_type_name(name)
         folders.setdefault((package, kind), []).append(bare)
-        output[f"{package}/{kind}/{module_name(bare)}.pyi"] = render_stub(definition)
+        output[f"{package}/{kind}/{module_name(bare)}.pyi"] = render_stub(definition, home)
         output[f"{package}/__init__.pyi"] = f'"""The interfaces of {package}, {GENERATED}"""\n'
     for (package, kind), names in folders.items():
         output[f"{package}/{kind}/__init__.pyi"] = exports(package, kind, names)
-    return dict(sorted(output.items()))
+    return output
 
 
 def _package(name: str, search: Search) -> str:
@@ -80,17 +109,24 @@ def _package(name: str, search: Search) -> str:
     return name
 
 
-def _srvgen_stub(definitions: Mapping[str, Definition]) -> Iterator[str]:
-    yield f'"""srvgen, with a `load` that knows the types of this project; {GENERATED}"""'
+def _text(*lines: str) -> str:
+    return "\n".join(lines) + "\n"
+
+
+def _reexports() -> Iterator[str]:
+    for name, home in sorted(EXPORTS.items(), key=lambda one: (one[1], one[0])):
+        if name != "load":
+            yield f"from srvgen.{home} import {name} as {name}"
+
+
+def _overloads(
+    definitions: Mapping[str, Definition], home: str, imports: Iterable[str] = ()
+) -> Iterator[str]:
     yield from ("# ruff: noqa", "", "from typing import Any, Literal, overload", "")
     folders = sorted({tuple(name.split("/")[:2]) for name in definitions})
-    yield from (f"from {package} import {kind} as _{package}_{kind}" for package, kind in folders)
-    yield from (
-        f"from srvgen.{home} import {name} as {name}"
-        for name, home in sorted(EXPORTS.items(), key=lambda one: (one[1], one[0]))
-        if name != "load"
-    )
-    yield ""
+    for package, kind in folders:
+        yield f"from {home}{package} import {kind} as _{package}_{kind}"
+    yield from (*imports, "")
     for name in definitions:
         package, kind, bare = name.split("/")
         literals = ", ".join(f'"{one}"' for one in _spellings(name, definitions))

@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -140,6 +141,35 @@ def test_generated_packages_are_as_precise_as_stubs(name, checker, with_generate
     _compare(with_generated[checker].get(name, {}), _expected(name, checker))
 
 
+LOADS = """\
+import srvgen
+
+AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
+total: int = AddTwoInts.Response(sum=3).sum
+name: str = srvgen.load("std_msgs/String")().data
+frame: str = srvgen.load("nav_msgs/msg/Odometry")().header.frame_id
+srvgen.load("nav2_msgs/srv/ClearEntireCostmap").Request().anything
+srvgen.load("my_" + "interfaces/srv/Greet").Request().anything
+"""
+MISLOADS = """\
+AddTwoInts.Request(c=1)
+AddTwoInts.Response().som
+srvgen.load("nav_msgs/msg/Odometry")().header.frame
+srvgen.load("example_interfaces/action/Fibonacci").Gaol()
+"""
+
+
+@pytest.mark.parametrize("checker", [_mypy, _pyright])
+def test_load_of_a_bundled_type_needs_no_stubs(tmp_path, checker):
+    folder = tmp_path / "project"
+    folder.mkdir()
+    (folder / "loads.py").write_text(LOADS + MISLOADS, encoding="utf-8")
+    options = ["--strict"] if checker is _mypy else []
+    first = LOADS.count("\n") + 1
+    found = checker(folder, ["loads.py"], *options)["loads.py"]
+    assert sorted(found) == list(range(first, first + MISLOADS.count("\n"))), found
+
+
 _ROS = re.compile(rf"^(?:import|from) (?:{'|'.join(['rclpy', *bundled.packages()])})\b", flags=re.M)
 """An import of a package that only `taskrpc run` finds."""
 
@@ -226,3 +256,8 @@ def test_mypy_reports_the_mistakes_as_the_page_shows(tmp_path):
     assert output.strip() == shown.partition("\n")[2]
     lines = {line.split(":")[1] for line in output.splitlines() if ": error:" in line}
     assert {str(line) for line in _pyright(tmp_path, ["mistakes.py"])["mistakes.py"]} == lines
+
+
+def test_mypy_checks_each_package_of_ros_under_its_name():
+    settings = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["mypy"]
+    assert settings["packages"] == ["srvgen", "taskrpc", *sorted(bundled.packages())]

@@ -195,7 +195,7 @@ async def _get(options: argparse.Namespace, services: ParamServices) -> Exit:
 
 
 async def _set(options: argparse.Namespace, services: ParamServices) -> Exit:
-    from taskrpc.ros.packages.rclpy.parameter import get_parameter_value
+    from .ros_values import get_parameter_value
 
     names, values = options.pairs[::2], options.pairs[1::2]
     if len(names) != len(values):
@@ -272,7 +272,7 @@ async def _dump(options: argparse.Namespace, services: ParamServices) -> Exit:
 async def _load(options: argparse.Namespace, services: ParamServices) -> Exit:
     import yaml
 
-    from taskrpc.ros.packages.rclpy.parameter import parameter_dict_from_yaml_file
+    from .ros_values import parameter_dict_from_yaml_file
 
     try:
         found = parameter_dict_from_yaml_file(
@@ -302,7 +302,7 @@ async def _load(options: argparse.Namespace, services: ParamServices) -> Exit:
 
 
 def _plain(value: Any) -> Any:
-    from taskrpc.ros.packages.rclpy.parameter import parameter_value_to_python
+    from .ros_values import parameter_value_to_python
 
     found = parameter_value_to_python(value)
     return list(found) if hasattr(found, "tolist") or isinstance(found, tuple) else found

@@ -10,15 +10,17 @@ import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
-from typing import Any
+from typing import Any, TypeAlias
 
 import rclpy
 from geometry_msgs.msg import Twist
 from rcl_interfaces.msg import IntegerRange, ParameterDescriptor, ParameterEvent
 from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
 from rclpy.exceptions import NameValidationException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.service import Service
 from rclpy.task import Future
 from rclpy.utilities import remove_ros_args
 from std_srvs.srv import Empty
@@ -38,6 +40,10 @@ from taskrpc.ros.turtlesim.types import (
     TeleportRelative,
 )
 from taskrpc.ros.turtlesim.world import CENTRE, STEP, Moved, Rotation, Turtle, World
+
+_Goal: TypeAlias = ServerGoalHandle[
+    RotateAbsolute.Goal, RotateAbsolute.Result, RotateAbsolute.Feedback
+]
 
 _BACKGROUND = {"r": ("Red", 69), "g": ("Green", 86), "b": ("Blue", 255)}
 _QUEUE = 7
@@ -153,11 +159,6 @@ class _Entities:
     def __init__(self, node: Turtlesim, turtle: Turtle) -> None:
         self._turtle = turtle
         at = partial("{}/{}".format, turtle.name)
-        services = {
-            "set_pen": (SetPen, self._set_pen),
-            "teleport_relative": (TeleportRelative, self._shift),
-            "teleport_absolute": (TeleportAbsolute, self._teleport),
-        }
         with ExitStack() as made:  # a name that is refused leaves nothing behind
             self._poses = node.create_publisher(Pose, at("pose"), _QUEUE)
             made.callback(node.destroy_publisher, self._poses)
@@ -166,8 +167,13 @@ class _Entities:
             move = partial(node.command, turtle)
             commands = node.create_subscription(Twist, at("cmd_vel"), move, _QUEUE)
             made.callback(node.destroy_subscription, commands)
-            for name, (kind, answer) in services.items():
-                made.callback(node.destroy_service, node.create_service(kind, at(name), answer))
+
+            def keep(service: Service[Any, Any]) -> None:
+                made.callback(node.destroy_service, service)
+
+            keep(node.create_service(SetPen, at("set_pen"), self._set_pen))
+            keep(node.create_service(TeleportRelative, at("teleport_relative"), self._shift))
+            keep(node.create_service(TeleportAbsolute, at("teleport_absolute"), self._teleport))
             self.rotations = _Rotations(node, turtle)
             made.callback(self.rotations.destroy)
             self._made = made.pop_all()
@@ -210,8 +216,8 @@ class _Rotations:
 
     def __init__(self, node: Turtlesim, turtle: Turtle) -> None:
         self._node, self._turtle = node, turtle
-        self._goal: Any = None
-        self._ended: Any = None
+        self._goal: _Goal | None = None
+        self._ended: Future[RotateAbsolute.Result] = Future()
         self._result = RotateAbsolute.Result()
         self._server = ActionServer(
             node,
@@ -221,7 +227,7 @@ class _Rotations:
             cancel_callback=lambda goal: CancelResponse.ACCEPT,
         )
 
-    async def _execute(self, goal: Any) -> RotateAbsolute.Result:
+    async def _execute(self, goal: _Goal) -> RotateAbsolute.Result:
         if self._goal is not None:
             problem = "Rotation goal received before a previous goal finished."
             self._node.get_logger().warning(f"{problem} Aborting previous goal")
@@ -229,7 +235,7 @@ class _Rotations:
         self._goal, self._ended = goal, Future()
         self._result = RotateAbsolute.Result()
         self._turtle.rotate_to(goal.request.theta)
-        return await self._ended
+        return await self._ended or RotateAbsolute.Result()
 
     def stop_if_cancelled(self) -> None:
         """End the goal if its client has cancelled it."""

@@ -2,10 +2,13 @@
 
 import srvgen
 from taskrpc.ros.packages import rclpy
+from taskrpc.ros.packages.rclpy.action import ActionClient, ActionServer
+from taskrpc.ros.packages.rclpy.action.server import ServerGoalHandle
 from taskrpc.ros.packages.rclpy.node import Node
 
 srvgen.install_import_hook()
 
+from my_interfaces.action import Count
 from my_interfaces.msg import Spot
 from my_interfaces.srv import Add, Greet
 
@@ -16,6 +19,23 @@ def forgets(request: Greet.Request, response: Greet.Response) -> None:
 
 def heard(message: Greet.Request) -> None:
     print(message.name)
+
+
+def count(goal: ServerGoalHandle[Count.Goal, Count.Result, Count.Feedback]) -> None:
+    print(goal.request.tarket)
+    # mypy reports: "Count_Goal" has no attribute "tarket"; maybe "target"?
+    # pyright reports: Cannot access attribute "tarket" for class "…Goal"
+    goal.succeed()
+
+
+def act(node: Node) -> None:
+    ActionServer(node, Count, "count", count)
+    # mypy reports: Argument 4 to "ActionServer" has incompatible type "Callable[[ServerGoalHandle[Count_Goal, Count_Result, Count_Feedback]], None]"; expected …
+    # pyright reports: …
+    client = ActionClient(node, Count, "count")
+    client.send_goal_async(Count.Result())
+    # mypy reports: Argument 1 to "send_goal_async" of "ActionClient" has incompatible type "Count_Result"; expected "Count_Goal"
+    # pyright reports: …
 
 
 def main(node: Node) -> None:

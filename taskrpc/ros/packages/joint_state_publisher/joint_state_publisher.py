@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rclpy
 from rcl_interfaces.msg import ParameterDescriptor, ParameterType
@@ -13,15 +13,10 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.utilities import remove_ros_args
+from robot_state_publisher.robot_state_publisher import read_description
+from robot_state_publisher.urdf import Mimic, UrdfError, parse
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-
-if TYPE_CHECKING:
-    from taskrpc.ros.packages.robot_state_publisher.robot_state_publisher import read_description
-    from taskrpc.ros.packages.robot_state_publisher.urdf import Mimic, UrdfError, parse
-else:
-    from robot_state_publisher.robot_state_publisher import read_description
-    from robot_state_publisher.urdf import Mimic, UrdfError, parse
 
 from .joints import Joints, Settings
 

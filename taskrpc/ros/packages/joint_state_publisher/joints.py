@@ -5,12 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from taskrpc.ros.packages.robot_state_publisher.urdf import MOVING, Joint, Mimic, Robot
-else:
-    from robot_state_publisher.urdf import MOVING, Joint, Mimic, Robot
+from robot_state_publisher.urdf import MOVING, Joint, Mimic, Robot
 
 
 @dataclass(frozen=True)

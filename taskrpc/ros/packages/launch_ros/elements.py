@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import Any
 
 from launch.frontend import elements
@@ -160,7 +161,7 @@ def _set_remap(entity: Any, parser: Any) -> Any:
     return settings.SetRemap(*_rule(entity, parser), **base(entity, parser))
 
 
-_ELEMENTS = {
+_ELEMENTS: dict[str, Callable[..., Any]] = {
     "node": _node,
     "lifecycle_node": _lifecycle_node,
     "node_container": _container,
@@ -179,7 +180,7 @@ def _param(name: Any, default: Any = None) -> Any:
     return s.Parameter(name, default=default)
 
 
-_SUBSTITUTIONS = {
+_SUBSTITUTIONS: dict[str, Callable[..., Any]] = {
     "find-pkg-share": s.FindPackageShare,
     "find-pkg-prefix": s.FindPackagePrefix,
     "exec-in-pkg": s.ExecutableInPackage,

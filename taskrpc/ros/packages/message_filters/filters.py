@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rclpy.clock import ROSClock
+from rclpy.duration import Duration
+from rclpy.logging import get_logger
+from rclpy.time import Time
 
 from . import matching
-
-if TYPE_CHECKING:
-    from taskrpc.ros.packages.rclpy.clock import ROSClock
-    from taskrpc.ros.packages.rclpy.duration import Duration
-    from taskrpc.ros.packages.rclpy.logging import get_logger
-    from taskrpc.ros.packages.rclpy.time import Time
-else:
-    from rclpy.clock import ROSClock
-    from rclpy.duration import Duration
-    from rclpy.logging import get_logger
-    from rclpy.time import Time
 
 
 class SimpleFilter:

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
-if TYPE_CHECKING:
-    from taskrpc.ros.packages.tf2_py.geometry import NO_ROTATION, ORIGIN, Transform, normalized
-else:
-    from tf2_py.geometry import NO_ROTATION, ORIGIN, Transform, normalized
+from tf2_py.geometry import NO_ROTATION, ORIGIN, Transform, normalized
 
 from .urdf import MOVING, Joint, Robot
 

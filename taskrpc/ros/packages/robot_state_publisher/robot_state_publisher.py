@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rclpy
 from geometry_msgs.msg import TransformStamped
@@ -17,12 +17,7 @@ from rclpy.time import Time
 from rclpy.utilities import remove_ros_args
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
-
-if TYPE_CHECKING:
-    from taskrpc.ros.packages.tf2_ros.static_transform_broadcaster import StaticTransformBroadcaster
-    from taskrpc.ros.packages.tf2_ros.transform_broadcaster import TransformBroadcaster
-else:
-    from tf2_ros import StaticTransformBroadcaster, TransformBroadcaster
+from tf2_ros import StaticTransformBroadcaster, TransformBroadcaster
 
 from .kinematics import Pace, Placed, fixed_frames, moving_frames
 from .urdf import Robot, UrdfError, parse

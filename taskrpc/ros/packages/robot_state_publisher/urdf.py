@@ -4,18 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 from xml.parsers import expat
 
-if TYPE_CHECKING:
-    from taskrpc.ros.packages.tf2_py.geometry import (
-        ORIGIN,
-        Transform,
-        Vector,
-        quaternion_of_angles,
-    )
-else:
-    from tf2_py.geometry import ORIGIN, Transform, Vector, quaternion_of_angles
+from tf2_py.geometry import ORIGIN, Transform, Vector, quaternion_of_angles
 
 MOVING = ("revolute", "continuous", "prismatic")
 """The types of joints whose position is one number."""

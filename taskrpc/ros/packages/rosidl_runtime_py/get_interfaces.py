@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import srvgen
 from srvgen.classes.loader import search
 from srvgen.files import archive
 from srvgen.files.reading import KINDS
-from taskrpc.ros.packages.ament_index_python.packages import get_packages_with_prefixes
+
+if TYPE_CHECKING:  # type checkers know a package by its name in ROS only
+    from ament_index_python.packages import get_packages_with_prefixes
+else:
+    from taskrpc.ros.packages.ament_index_python.packages import get_packages_with_prefixes
 
 Interfaces: TypeAlias = dict[str, list[str]]
 """Names such as `msg/String`, by the names of their packages."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from copy import deepcopy
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from geometry_msgs.msg import (
     PointStamped,
@@ -19,26 +19,15 @@ from geometry_msgs.msg import (
     Vector3Stamped,
     WrenchStamped,
 )
+from tf2_py.geometry import (
+    NO_ROTATION,
+    Transform,
+    Vector,
+    matrix_of_quaternion,
+    normalized,
+    rotate,
+)
 from tf2_ros import ConvertRegistration, TransformRegistration
-
-if TYPE_CHECKING:
-    from taskrpc.ros.packages.tf2_py.geometry import (
-        NO_ROTATION,
-        Transform,
-        Vector,
-        matrix_of_quaternion,
-        normalized,
-        rotate,
-    )
-else:
-    from tf2_py.geometry import (
-        NO_ROTATION,
-        Transform,
-        Vector,
-        matrix_of_quaternion,
-        normalized,
-        rotate,
-    )
 
 
 def to_msg_msg(msg: Any) -> Any:

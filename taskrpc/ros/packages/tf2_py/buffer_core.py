@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import sys
 import threading
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .descriptions import as_dot, as_yaml
 from .frame_tree import DEFAULT_CACHE_TIME, FrameTree
 from .geometry import Transform
+
+if TYPE_CHECKING:
+    from geometry_msgs.msg import TransformStamped
 
 _SECOND = 1_000_000_000
 
@@ -73,7 +76,9 @@ class BufferCore:
 
     # Lookups
 
-    def lookup_transform_core(self, target_frame: str, source_frame: str, time: Any) -> Any:
+    def lookup_transform_core(
+        self, target_frame: str, source_frame: str, time: Any
+    ) -> TransformStamped:
         """The TransformStamped from the source frame to the target frame, at a time.
 
         Time 0 asks for the latest common time. Raises TransformException.
@@ -89,7 +94,7 @@ class BufferCore:
         source_frame: str,
         source_time: Any,
         fixed_frame: str,
-    ) -> Any:
+    ) -> TransformStamped:
         """As `lookup_transform_core`, from one time to another by a frame that stays fixed."""
         times = nanoseconds_of(target_time), nanoseconds_of(source_time)
         with self._tree_lock:
@@ -170,7 +175,7 @@ class BufferCore:
             return as_dot(self._tree, 0 if time is None else nanoseconds_of(time))
 
 
-def _stamped(target: str, source: str, transform: Transform, time: int) -> Any:
+def _stamped(target: str, source: str, transform: Transform, time: int) -> TransformStamped:
     from geometry_msgs.msg import TransformStamped
 
     message = TransformStamped(child_frame_id=source)

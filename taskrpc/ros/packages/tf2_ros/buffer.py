@@ -188,7 +188,9 @@ class Buffer(BufferCore, BufferInterface):
                     return look()
         return found
 
-    def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time) -> Future:
+    def wait_for_transform_async(
+        self, target_frame: str, source_frame: str, time: Time
+    ) -> Future[TransformStamped]:
         """A future of the transform; it is done as soon as the buffer has the transform."""
         return self._future(
             lambda: self.can_transform_core(target_frame, source_frame, time),
@@ -202,7 +204,7 @@ class Buffer(BufferCore, BufferInterface):
         source_frame: str,
         source_time: Time,
         fixed_frame: str,
-    ) -> Future:
+    ) -> Future[TransformStamped]:
         """As `wait_for_transform_async`, for `lookup_transform_full`."""
         where = (target_frame, target_time, source_frame, source_time, fixed_frame)
         return self._future(
@@ -210,8 +212,10 @@ class Buffer(BufferCore, BufferInterface):
             lambda: self.lookup_transform_full_core(*where),
         )
 
-    def _future(self, look: Callable[[], tuple[bool, str]], get: Callable[[], Any]) -> Future:
-        future = Future()
+    def _future(
+        self, look: Callable[[], tuple[bool, str]], get: Callable[[], TransformStamped]
+    ) -> Future[TransformStamped]:
+        future: Future[TransformStamped] = Future()
 
         def look_again() -> None:
             if future.done() or future.cancelled():
@@ -222,7 +226,7 @@ class Buffer(BufferCore, BufferInterface):
             except Exception as error:
                 future.set_exception(error)
 
-        def forget(_: Future) -> None:
+        def forget(_: Future[TransformStamped]) -> None:
             with self._news:
                 if look_again in self._waiters:
                     self._waiters.remove(look_again)

@@ -81,7 +81,7 @@ class BufferServer:
         """Wait until the transform is there, or the goal's timeout ends, or it is cancelled."""
         clock = self.node.get_clock()
         end = clock.now() + Duration.from_msg(goal.request.timeout)
-        ended = Future()
+        ended: Future[None] = Future()
 
         def look() -> None:
             is_over = goal.is_cancel_requested or clock.now() >= end

@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import string
 import sys
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import rclpy
 from geometry_msgs.msg import TransformStamped
@@ -13,13 +13,9 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.logging import RcutilsLogger
 from rclpy.node import Node
 from rclpy.utilities import remove_ros_args
+from tf2_py.geometry import Quaternion, Vector, quaternion_of_angles
 
 from .static_transform_broadcaster import StaticTransformBroadcaster
-
-if TYPE_CHECKING:
-    from taskrpc.ros.packages.tf2_py.geometry import Quaternion, Vector, quaternion_of_angles
-else:
-    from tf2_py.geometry import Quaternion, Vector, quaternion_of_angles
 
 _USAGE = """\
 usage: static_transform_publisher [--x X] [--y Y] [--z Z] [--qx QX] [--qy QY] [--qz QZ] [--qw QW] \

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -12,14 +12,10 @@ from rclpy.node import Node
 from rclpy.time import Time
 from rclpy.utilities import remove_ros_args
 from tf2_py import TransformException
+from tf2_py.geometry import angles_of_quaternion, matrix_of_quaternion
 
 from .buffer import Buffer
 from .transform_listener import TransformListener
-
-if TYPE_CHECKING:
-    from taskrpc.ros.packages.tf2_py.geometry import angles_of_quaternion, matrix_of_quaternion
-else:
-    from tf2_py.geometry import angles_of_quaternion, matrix_of_quaternion
 
 _USAGE = """\
 Usage: tf2_echo source_frame target_frame [echo_rate]

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from sensor_msgs.msg import PointCloud2
 from sensor_msgs_py.point_cloud2 import create_cloud, read_points
+from tf2_py.geometry import NO_ROTATION, matrix_of_quaternion
 from tf2_ros import ConvertRegistration, TransformRegistration
 
 from taskrpc.ros.optional import needed
-
-if TYPE_CHECKING:
-    from taskrpc.ros.packages.tf2_py.geometry import NO_ROTATION, matrix_of_quaternion
-else:
-    from tf2_py.geometry import NO_ROTATION, matrix_of_quaternion
 
 np = needed("numpy", "tf2_sensor_msgs")
 

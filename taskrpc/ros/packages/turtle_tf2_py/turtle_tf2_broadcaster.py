@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import rclpy
 from geometry_msgs.msg import TransformStamped
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from tf2_py.geometry import quaternion_of_angles
 from tf2_ros import TransformBroadcaster
 from turtlesim.msg import Pose
 
 from taskrpc.ros.optional import needed
-
-if TYPE_CHECKING:
-    from taskrpc.ros.packages.tf2_py.geometry import quaternion_of_angles
-else:
-    from tf2_py.geometry import quaternion_of_angles
 
 
 def quaternion_from_euler(ai: float, aj: float, ak: float) -> Any:

@@ -7,10 +7,11 @@ import time
 import uuid
 import weakref
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Generic, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypedDict
 
 from taskrpc import GoalState
 from taskrpc.errors import Code, HandlerFailed
+from taskrpc.message_types import Action, FeedbackT, GoalT, ResultT
 from taskrpc.spi import ActionMessages, bytes_of, present_chance
 from taskrpc.spi import names_of as action_names
 
@@ -31,15 +32,11 @@ from ..qos import (
 from ..service_introspection import ServiceIntrospectionState
 from ..subscription import Subscription
 from ..task import Future, set_executor
-from ..type_support import check_is_valid_action_type
+from ..type_support import GetResultServiceResponse, check_is_valid_action_type
 from ..waitable import NumberOfEntities, Waitable
 
 if TYPE_CHECKING:
     from ..clock import Clock
-
-GoalT = TypeVar("GoalT")
-ResultT = TypeVar("ResultT")
-FeedbackT = TypeVar("FeedbackT")
 
 _UNCHECKED = "Failed to check if action server is available"
 _POLL_INTERVAL = 0.01
@@ -113,7 +110,7 @@ class ClientGoalHandle(Generic[GoalT, ResultT, FeedbackT]):
         """
         return self._action_client._get_result(self)
 
-    def get_result_async(self) -> Future[Any]:
+    def get_result_async(self) -> Future[GetResultServiceResponse[ResultT]]:
         """Return the future of a response with `status` and `result`, done when the goal ends."""
         return self._action_client._get_result_async(self)
 
@@ -151,7 +148,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     def __init__(
         self,
         node: NodeInterface,
-        action_type: Any,
+        action_type: type[Action[GoalT, ResultT, FeedbackT]],
         action_name: str,
         *,
         callback_group: CallbackGroup | None = None,
@@ -168,7 +165,7 @@ class ActionClient(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
         remapped = node.resolve_topic_name(action_name)  # raises for an invalid name
         check_context(node.context, "client")
         self._node = self.parent_node = node
-        self._action_type = action_type
+        self._action_type: Any = action_type
         self._action_name = action_name
         self._logger = node.get_logger().get_child("action_client")
         self._handle = Handle(self)

@@ -6,14 +6,15 @@ import math
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from enum import Enum
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 from srvgen import excepthook
 from taskrpc.actions.states import next_state
 from taskrpc.errors import Code, HandlerFailed
+from taskrpc.message_types import Action, FeedbackT, GoalT, ResultT
 from taskrpc.spi import (
     ActionMessages,
     GoalEvent,
@@ -45,14 +46,13 @@ from ..service import RequestHeader
 from ..service_introspection import ServiceIntrospectionState
 from ..type_support import check_is_valid_action_type
 from ..waitable import NumberOfEntities, Waitable
-from .server_goal_handle import ServerGoalHandle, describe
+from .server_goal_handle import (
+    ServerGoalHandle as ServerGoalHandle,  # noqa: PLC0414 - programs import it here, as in ROS
+)
+from .server_goal_handle import describe
 
 if TYPE_CHECKING:
     from ..clock import Clock
-
-GoalT = TypeVar("GoalT")
-ResultT = TypeVar("ResultT")
-FeedbackT = TypeVar("FeedbackT")
 
 _NANOSECOND = 1e-9
 _NEVER = float("inf")
@@ -107,9 +107,12 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     def __init__(
         self,
         node: NodeInterface,
-        action_type: Any,
+        action_type: type[Action[GoalT, ResultT, FeedbackT]],
         action_name: str,
-        execute_callback: Callable[[Any], Any] | None = None,
+        execute_callback: Callable[
+            [ServerGoalHandle[GoalT, ResultT, FeedbackT]], ResultT | Awaitable[ResultT]
+        ]
+        | None = None,
         *,
         callback_group: CallbackGroup | None = None,
         goal_callback: Callable[[Any], Any] | None = default_goal_callback,
@@ -133,7 +136,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
             self.register_execute_callback(execute_callback)
         check_is_valid_action_type(action_type)
         self._node = self.parent_node = node
-        self._action_type = action_type
+        self._action_type: Any = action_type
         self._action_name = node.resolve_topic_name(action_name)  # raises for an invalid name
         check_context(node.context, "server")
         self._logger = node.get_logger().get_child("action_server")

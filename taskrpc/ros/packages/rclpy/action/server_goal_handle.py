@@ -4,17 +4,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, Protocol
 
 from taskrpc import GoalState
+from taskrpc.message_types import FeedbackT, GoalT, ResultT
 from taskrpc.spi import GoalEvent, GoalRecord, InvalidTransition, bytes_of, nanoseconds_of
 
 from .._impl.actions.server_parts import ServerParts
 from ..exceptions import RCLError
-
-GoalT = TypeVar("GoalT")
-ResultT = TypeVar("ResultT")
-FeedbackT = TypeVar("FeedbackT")
 
 
 class Server(Protocol):

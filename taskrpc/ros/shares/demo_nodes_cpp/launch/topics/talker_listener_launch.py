@@ -6,5 +6,8 @@ from launch_ros.actions import Node
 
 def generate_launch_description() -> LaunchDescription:
     """The two programs."""
-    program = {"package": "demo_nodes_cpp", "output": "screen"}
-    return LaunchDescription([Node(executable=name, **program) for name in ("talker", "listener")])
+    programs = [
+        Node(package="demo_nodes_cpp", executable=name, output="screen")
+        for name in ("talker", "listener")
+    ]
+    return LaunchDescription(programs)

@@ -1,0 +1,1 @@
+from srvgen.stubs.action_msgs.msg import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.builtin_interfaces.msg import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.diagnostic_msgs.msg import *

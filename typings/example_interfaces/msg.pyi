@@ -1,0 +1,1 @@
+from srvgen.stubs.example_interfaces.msg import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.geometry_msgs.msg import *

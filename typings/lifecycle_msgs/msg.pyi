@@ -1,0 +1,1 @@
+from srvgen.stubs.lifecycle_msgs.msg import *

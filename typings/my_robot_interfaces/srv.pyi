@@ -1,0 +1,1 @@
+from srvgen.stubs.my_robot_interfaces.srv import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.nav_msgs.srv import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.rcl_interfaces.msg import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.rosapi_msgs.msg import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.rosgraph_msgs.msg import *

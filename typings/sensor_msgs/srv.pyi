@@ -1,0 +1,1 @@
+from srvgen.stubs.sensor_msgs.srv import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.service_msgs.msg import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.shape_msgs.msg import *

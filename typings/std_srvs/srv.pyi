@@ -1,0 +1,1 @@
+from srvgen.stubs.std_srvs.srv import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.taskrpc_interfaces.msg import *

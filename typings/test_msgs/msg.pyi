@@ -1,0 +1,1 @@
+from srvgen.stubs.test_msgs.msg import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.tf2_msgs.action import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.trajectory_msgs.msg import *

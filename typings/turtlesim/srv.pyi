@@ -1,0 +1,1 @@
+from srvgen.stubs.turtlesim.srv import *

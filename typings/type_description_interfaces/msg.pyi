@@ -1,0 +1,1 @@
+from srvgen.stubs.type_description_interfaces.msg import *

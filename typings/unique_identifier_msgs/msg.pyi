@@ -1,0 +1,1 @@
+from srvgen.stubs.unique_identifier_msgs.msg import *

@@ -1,0 +1,1 @@
+from srvgen.stubs.visualization_msgs.msg import *
