@@ -15,6 +15,8 @@ from taskrpc.observe.texts import work_of
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from srvgen.stubs.taskrpc_interfaces.msg import TaskInfo
+
 _WIDE = 72
 """Columns of a terminal that has room for the bar and the description of the work."""
 
@@ -24,7 +26,7 @@ _STEPS = 4  # lines of progress while a task runs
 class Progress(AbstractContextManager[Any], Protocol):
     """Shows one task until its end."""
 
-    def show(self, task: Any, *, paused: bool) -> None:
+    def show(self, task: TaskInfo, *, paused: bool) -> None:
         """Show the task's current state; `paused` means that the queue is paused."""
 
 
@@ -51,7 +53,7 @@ class ProgressLines:
     def __exit__(self, *exc_info: object) -> None:
         return None
 
-    def show(self, task: Any, *, paused: bool) -> None:
+    def show(self, task: TaskInfo, *, paused: bool) -> None:
         """Print the task if its state is new."""
         if self._shown == (task.state, paused) or task.ended.sec:
             return
@@ -85,7 +87,7 @@ class ProgressBar:
     def __exit__(self, *exc_info: object) -> None:
         self._bars.stop()
 
-    def show(self, task: Any, *, paused: bool) -> None:
+    def show(self, task: TaskInfo, *, paused: bool) -> None:
         """Draw the task's current state."""
         from rich.markup import escape
 
@@ -107,7 +109,7 @@ class ChangePrinter:
 
     def __init__(self, *, as_json: bool) -> None:
         self._as_json = as_json
-        self._shown: dict[int, Any] = {}
+        self._shown: dict[int, tuple[object, ...]] = {}
         self._paused = False
 
     def show(self, update: Update) -> None:
@@ -124,7 +126,7 @@ class ChangePrinter:
                 )
         sys.stdout.flush()
 
-    def _essence(self, task: Any) -> Any:
+    def _essence(self, task: TaskInfo) -> tuple[object, ...]:
         """Return the facts about a task whose change causes a new line."""
         progress = task.progress if self._as_json else int(task.progress * _STEPS)
         return task.state, task.priority, progress, task.submitted.sec

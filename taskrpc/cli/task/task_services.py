@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncGenerator, Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import srvgen
 from taskrpc.cli.shared.command import NotFound
@@ -21,17 +21,27 @@ from taskrpc.errors import (
     TaskRpcError,
     TypeMismatch,
 )
+from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.node import Node
 from taskrpc.spi import names
+
+if TYPE_CHECKING:
+    from srvgen.stubs.my_robot_interfaces.srv import RobotTask
+    from srvgen.stubs.taskrpc_interfaces.msg import TaskInfo
+    from srvgen.stubs.taskrpc_interfaces.srv import ListTasks, ShowTask, WatchTasks
 
 DEFAULT_SERVICE = "/robot_task"
 DEFAULT_TIMEOUT = 10.0
 
+_SUBMIT: Final = "my_robot_interfaces/srv/RobotTask"
+_LIST: Final = "taskrpc_interfaces/srv/ListTasks"
+_SHOW: Final = "taskrpc_interfaces/srv/ShowTask"
+_WATCH: Final = "taskrpc_interfaces/srv/WatchTasks"
 _TYPES = {
-    "": "my_robot_interfaces/srv/RobotTask",
-    "/list": "taskrpc_interfaces/srv/ListTasks",
-    "/show": "taskrpc_interfaces/srv/ShowTask",
-    "/watch": "taskrpc_interfaces/srv/WatchTasks",
+    "": _SUBMIT,
+    "/list": _LIST,
+    "/show": _SHOW,
+    "/watch": _WATCH,
     "/cancel": "taskrpc_interfaces/srv/CancelTask",
     "/pause": "taskrpc_interfaces/srv/PauseTasks",
     "/resume": "taskrpc_interfaces/srv/ResumeTasks",
@@ -52,7 +62,7 @@ class TaskRefused(TaskRpcError):
 class Update(NamedTuple):
     """Changes that the task server has reported."""
 
-    tasks: list[Any]
+    tasks: list[TaskInfo]
     """The tasks that changed, as TaskInfo messages."""
     paused: bool
     """Whether the queue is paused."""
@@ -101,33 +111,48 @@ class TaskServices:
         if type_name != _TYPES[""]:
             raise TypeMismatch(f"{self.service} is offered as {type_name}, not as {_TYPES['']}")
 
-    async def submit(self, task_type: str, target: str, priority: int) -> Any:
+    async def submit(self, task_type: str, target: str, priority: int) -> RobotTask.Response:
         """Queue a task and return the response. Raises TaskRefused."""
-        return await self.request("", task_type=task_type, target=target, priority=priority)
+        request = srvgen.load(_SUBMIT).Request(
+            task_type=task_type, target=target, priority=priority
+        )
+        client: Client[RobotTask.Request, RobotTask.Response] = self._client("")
+        response = await self._call(client, request, self._timeout)
+        if not response.success:
+            raise TaskRefused(response.message)
+        return response
 
     async def request(self, verb: str, **fields: Any) -> Any:
         """Call the service of a verb such as `/cancel`; returns the response.
 
         Raises TaskRefused and the errors of calls.
         """
-        response = await self._call(verb, self._timeout, fields)
+        client = self._client(verb)
+        response = await self._call(client, client.srv_type.Request(**fields), self._timeout)
         if not response.success:
             raise TaskRefused(response.message)
         return response
 
-    async def show(self, task_id: int) -> Any:
+    async def show(self, task_id: int) -> TaskInfo:
         """Return everything about one task, as a TaskInfo message. Raises NotFound."""
-        response = await self._call("/show", self._timeout, {"task_id": task_id})
+        response = await self._show(task_id)
         if not response.success:
             raise NotFound(response.message)
         return response.task
 
-    async def tasks(self, *, ended: bool = False) -> list[Any]:
+    async def _show(self, task_id: int) -> ShowTask.Response:
+        client: Client[ShowTask.Request, ShowTask.Response] = self._client("/show")
+        request = srvgen.load(_SHOW).Request(task_id=task_id)
+        return await self._call(client, request, self._timeout)
+
+    async def tasks(self, *, ended: bool = False) -> list[TaskInfo]:
         """Return all tasks: the running task, the queue in order, with `ended` the ended tasks."""
-        found: list[Any] = []
+        client: Client[ListTasks.Request, ListTasks.Response] = self._client("/list")
+        found: list[TaskInfo] = []
         page = ""
         while True:
-            response = await self._call("/list", self._timeout, {"all": ended, "page": page})
+            request = srvgen.load(_LIST).Request(all=ended, page=page)
+            response = await self._call(client, request, self._timeout)
             found += response.tasks
             page = response.next_page
             if not page:
@@ -146,12 +171,12 @@ class TaskServices:
         again within the timeout.
         """
         revision, open_ids = 0, set[int]()
-        request = {"task_id": task_id, "timeout": seconds}
+        client: Client[WatchTasks.Request, WatchTasks.Response] = self._client("/watch")
+        request = srvgen.load(_WATCH).Request(task_id=task_id, timeout=seconds)
         while True:
             try:
-                changes = await self._call(
-                    "/watch", seconds + self._timeout, {"revision": revision, **request}
-                )
+                request.revision = revision
+                changes = await self._call(client, request, seconds + self._timeout)
                 if not changes.success:
                     raise NotFound(changes.message)
                 tasks = changes.tasks if changes.complete else await self._read_all(open_ids)
@@ -165,12 +190,12 @@ class TaskServices:
                 (open_ids.discard if task.ended.sec else open_ids.add)(task.task_id)
             yield Update(tasks, changes.paused)
 
-    async def _read_all(self, open_ids: set[int]) -> list[Any]:
+    async def _read_all(self, open_ids: set[int]) -> list[TaskInfo]:
         """Return the running and queued tasks, and the `open_ids` that have ended since."""
         tasks = await self.tasks()
         gone = open_ids.difference(task.task_id for task in tasks)
         for task_id in sorted(gone):
-            response = await self._call("/show", self._timeout, {"task_id": task_id})
+            response = await self._show(task_id)
             if response.success:  # otherwise the server has forgotten the task
                 tasks.append(response.task)
         return tasks
@@ -193,10 +218,11 @@ class TaskServices:
             error.__notes__ = [f"start the task server: taskrpc-server ({hint})"]
         return error
 
-    async def _call(self, verb: str, timeout: float, fields: dict[str, Any]) -> Any:
-        client = self._client(verb)
+    async def _call(
+        self, client: Client[RequestT, ResponseT], request: RequestT, timeout: float
+    ) -> ResponseT:
         try:
-            return await client.call(client.srv_type.Request(**fields), timeout=timeout)
+            return await client.call(request, timeout=timeout)
         except DeadlineExceeded as error:
             problem = f"no response from {client.service_name} within {timeout:g} s"
             raise DeadlineExceeded(problem, not_executed=error.not_executed) from None

@@ -5,7 +5,11 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable, Sequence
 from datetime import datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from srvgen.stubs.builtin_interfaces.msg import Time
+    from srvgen.stubs.taskrpc_interfaces.msg import EstimateChange, TaskInfo
 
 from taskrpc.observe.texts import printable, work_of
 
@@ -13,7 +17,7 @@ _NOTEWORTHY = 0.05  # seconds of a change; less would be shown as 0.0
 _LONG = 8  # longest list whose values are all shown; of others only the range
 
 
-def table(tasks: Sequence[Any]) -> list[str]:
+def table(tasks: Sequence[TaskInfo]) -> list[str]:
     """Return tasks as aligned lines under a heading; no lines if there are no tasks."""
     rows = [
         [str(t.task_id), work_of(t), str(t.priority), t.state, _outlook(t), printable(t.client)]
@@ -40,7 +44,7 @@ def aligned(rows: Sequence[Sequence[str]], *, right: Iterable[int] = ()) -> list
     return ["  ".join(next(cells) for _ in widths).rstrip() for _ in rows]
 
 
-def status_line(task: Any) -> str:
+def status_line(task: TaskInfo) -> str:
     """Return a task's current state in one line."""
     words = [f"task {task.task_id}", work_of(task), f"priority {task.priority}", task.state]
     message = printable(task.message)
@@ -51,7 +55,7 @@ def status_line(task: Any) -> str:
     return "  ".join(words)
 
 
-def details(task: Any) -> list[str]:
+def details(task: TaskInfo) -> list[str]:
     """Return everything about a task; each change of its estimate is a line."""
     lines = [f"task {task.task_id}: {work_of(task)}, priority {task.priority}"]
     message = printable(task.message)
@@ -74,17 +78,17 @@ def details(task: Any) -> list[str]:
     return lines
 
 
-def change(estimate_change: Any) -> str:
+def change(estimate_change: EstimateChange) -> str:
     """Return why a task ends later or earlier: `+12.4 s: task 17, priority 10, went ahead`."""
     return f"{estimate_change.seconds:+.1f} s: {printable(estimate_change.cause)}"
 
 
-def result(task: Any) -> Any:
+def result(task: TaskInfo) -> Any:
     """Return a task's result as JSON values; None if it has none (yet)."""
     return json.loads(task.result) if task.result else None
 
 
-def as_object(task: Any) -> dict[str, Any]:
+def as_object(task: TaskInfo) -> dict[str, Any]:
     """Return a task as `list --json` shows it; instants are seconds since 1970 or None."""
     return {
         "task_id": task.task_id,
@@ -104,28 +108,28 @@ def as_object(task: Any) -> dict[str, Any]:
     }
 
 
-def whole_object(task: Any) -> dict[str, Any]:
+def whole_object(task: TaskInfo) -> dict[str, Any]:
     """Return everything about a task as JSON values."""
     changes = [{"seconds": each.seconds, "cause": each.cause} for each in task.estimate_changes]
     return {**as_object(task), "result": result(task), "estimate_changes": changes}
 
 
-def instant(stamp: Any) -> float | None:
+def instant(stamp: Time) -> float | None:
     """Return a Time message as seconds since 1970, None if it is not set."""
     return stamp.sec + stamp.nanosec / 1e9 if stamp.sec or stamp.nanosec else None
 
 
-def _robot(task: Any) -> str:
+def _robot(task: TaskInfo) -> str:
     """Return the robot of a task; in brackets if it is only planned."""
     robot = printable(task.robot)
     return f"({robot})" if robot and task.state == task.QUEUED else robot
 
 
-def _is_begun(task: Any) -> bool:
+def _is_begun(task: TaskInfo) -> bool:
     return bool(task.started.sec and not task.ended.sec)
 
 
-def _outlook(task: Any) -> str:
+def _outlook(task: TaskInfo) -> str:
     if task.ended.sec:
         return ""
     if task.state == task.QUEUED and task.message:  # such as: waits for robot_3, which is away
@@ -139,11 +143,11 @@ def in_seconds(estimate: float) -> str:
     return f"{max(0.0, estimate):.1f} s"
 
 
-def _percent(task: Any) -> str:
+def _percent(task: TaskInfo) -> str:
     return f"{task.progress:.0%}"
 
 
-def _clock(stamp: Any) -> str:
+def _clock(stamp: Time) -> str:
     seconds = instant(stamp)
     if seconds is None:
         return ""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taskrpc import current_call
 from taskrpc.errors import Code, NameInUse, OutcomeUnknown, StoreError
@@ -16,6 +16,10 @@ from taskrpc.robot.tasks.permissions import submitter
 from taskrpc.robot.tasks.responses import Resumed, TaskResponse
 from taskrpc.robot.tasks.server import OfferedTasks, completed, failed_call, filled, nothing_done
 from taskrpc.spi import ClientKey, Completion, Execution, IntrospectionState, StoredCompletions
+
+if TYPE_CHECKING:
+    from srvgen.stubs.my_robot_interfaces.srv import RobotTask
+    from srvgen.stubs.taskrpc_interfaces.srv import ListTasks, ShowTask, WatchTasks
 
 
 class FleetServer(OfferedTasks):
@@ -84,7 +88,9 @@ class FleetServer(OfferedTasks):
     async def _forget_all(self) -> None:
         await self._store.clear()
 
-    async def submit(self, request: Any, response: Any) -> Any:
+    async def submit(
+        self, request: RobotTask.Request, response: RobotTask.Response
+    ) -> RobotTask.Response:
         """Queue a task; see RobotTask.srv."""
         client, account, machine = submitter()
         execution = _execution()
@@ -105,7 +111,8 @@ class FleetServer(OfferedTasks):
             )
         except AlreadyCompleted as already:
             assert execution is not None, "only an execution has a request key"
-            return execution.completed_elsewhere(already.completion)
+            stored: RobotTask.Response = execution.completed_elsewhere(already.completion)
+            return stored
         except (StoreError, OutcomeUnknown) as error:
             raise failed_call(Code.UNAVAILABLE, error) from error
         if not result.success:
@@ -114,17 +121,23 @@ class FleetServer(OfferedTasks):
 
     # A client may have changed the tasks at another server just before it asks this one.
 
-    async def list_tasks(self, request: Any, response: Any) -> Any:
+    async def list_tasks(
+        self, request: ListTasks.Request, response: ListTasks.Response
+    ) -> ListTasks.Response:
         """List tasks in the order of execution; see ListTasks.srv."""
         await self.manager.repository.refreshed()
         return await super().list_tasks(request, response)
 
-    async def show(self, request: Any, response: Any) -> Any:
+    async def show(
+        self, request: ShowTask.Request, response: ShowTask.Response
+    ) -> ShowTask.Response:
         """Show one task; see ShowTask.srv."""
         await self.manager.repository.refreshed()
         return await super().show(request, response)
 
-    async def watch(self, request: Any, response: Any) -> Any:
+    async def watch(
+        self, request: WatchTasks.Request, response: WatchTasks.Response
+    ) -> WatchTasks.Response:
         """Wait for changes; see WatchTasks.srv."""
         await self.manager.repository.refreshed()
         return await super().watch(request, response)

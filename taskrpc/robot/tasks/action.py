@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
 
 import srvgen
 from taskrpc import ActionServer, ServerGoal, current_call
@@ -28,7 +28,12 @@ from taskrpc.robot.tasks.permissions import client_name, refuse_others_task, sub
 from taskrpc.robot.tasks.responses import TaskResponse
 from taskrpc.spi import Denied, answering, bytes_of
 
-ACTION_TYPE = "my_robot_interfaces/action/ExecuteTask"
+if TYPE_CHECKING:
+    from srvgen.stubs.my_robot_interfaces.action import ExecuteTask
+
+    _Goal: TypeAlias = ServerGoal[ExecuteTask.Goal, ExecuteTask.Result, ExecuteTask.Feedback]
+
+ACTION_TYPE: Final = "my_robot_interfaces/action/ExecuteTask"
 FEEDBACK_PERIOD = 0.5
 """Seconds between two feedback messages of a task that has begun; each change sends one too."""
 QUEUED_PERIOD = 5.0
@@ -64,7 +69,7 @@ class TaskAction:
     ) -> None:
         self._manager = manager
         self._opened = opened
-        self._type: Any = srvgen.load(ACTION_TYPE)
+        self._type = srvgen.load(ACTION_TYPE)
         self._task_ids: dict[str, int] = {}
         """The task of each accepted goal that has not ended, by goal id."""
         self._changed: dict[int, asyncio.Event] = {}
@@ -91,7 +96,7 @@ class TaskAction:
         for changed in self._changed.values():
             changed.set()
 
-    async def _accept(self, goal: Any) -> bool:
+    async def _accept(self, goal: ExecuteTask.Goal) -> bool:
         """Queue the task; it is stored when the goal is accepted."""
         if not self._opened.is_set():
             await self._opened.wait()
@@ -131,7 +136,7 @@ class TaskAction:
             if response.success:
                 await self._manager.cancel(response.task_id, client=client)
 
-    async def _cancel(self, goal: ServerGoal[Any, Any, Any]) -> bool:
+    async def _cancel(self, goal: _Goal) -> bool:
         if answering.get() is None:
             return False  # the node ends: the task is interrupted, and not cancelled
         try:
@@ -142,7 +147,7 @@ class TaskAction:
         self._cancelled_by[goal.goal_id] = client_name()
         return True
 
-    async def _execute(self, goal: ServerGoal[Any, Any, Any]) -> Any:
+    async def _execute(self, goal: _Goal) -> ExecuteTask.Result:
         task_id = self._task_ids[goal.goal_id]
         changed = self._changed[task_id] = asyncio.Event()
         cancelling = asyncio.ensure_future(self._cancel_when_requested(goal, task_id, changed))
@@ -154,7 +159,7 @@ class TaskAction:
             self._cancelled_by.pop(goal.goal_id, None)
 
     async def _cancel_when_requested(
-        self, goal: ServerGoal[Any, Any, Any], task_id: int, changed: asyncio.Event
+        self, goal: _Goal, task_id: int, changed: asyncio.Event
     ) -> None:
         await goal.wait_for_cancel()
         client = self._cancelled_by.get(goal.goal_id, "")
@@ -165,8 +170,8 @@ class TaskAction:
         changed.set()
 
     async def _follow(
-        self, goal: ServerGoal[Any, Any, Any], task_id: int, changed: asyncio.Event
-    ) -> Any:
+        self, goal: _Goal, task_id: int, changed: asyncio.Event
+    ) -> ExecuteTask.Result:
         """Send feedback until the task has ended; return the result."""
         while True:
             changed.clear()
@@ -184,7 +189,7 @@ class TaskAction:
                 async with asyncio.timeout(period):
                     await changed.wait()
 
-    def _ended(self, goal: ServerGoal[Any, Any, Any], task: Task) -> Any:
+    def _ended(self, goal: _Goal, task: Task) -> ExecuteTask.Result:
         result = self._type.Result(
             success=task.state is TaskState.SUCCEEDED,
             message=task.message,
@@ -196,7 +201,7 @@ class TaskAction:
             return goal.canceled(result)
         return result if result.success else goal.abort(result)
 
-    def _feedback(self, task: Task) -> Any:
+    def _feedback(self, task: Task) -> ExecuteTask.Feedback:
         manager = self._manager
         manager.update_estimates()
         feedback = self._type.Feedback(

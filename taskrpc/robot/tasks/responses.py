@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import msgspec
 
 import srvgen
 from taskrpc.errors import TaskRpcError, text_for_callers
 from taskrpc.robot.tasks.model import PRIORITY_MAX, PRIORITY_MIN, EstimateChange, Task, TaskState
+
+if TYPE_CHECKING:
+    from srvgen.stubs.builtin_interfaces.msg import Time
+    from srvgen.stubs.taskrpc_interfaces.msg import TaskInfo
 
 SERVER_ENDED = "the server ended while it ran"
 """The message of a task that ran when its server ended."""
@@ -182,7 +186,7 @@ class TaskMessages:
 
     def task_info(
         self, task: Task, estimated_time: float, robot: str = "", waits_for: str = ""
-    ) -> Any:
+    ) -> TaskInfo:
         """Return a TaskInfo for a list: without the result and the estimate's changes.
 
         `robot` is the robot that is planned to execute a queued task of a fleet; `waits_for` says
@@ -212,7 +216,7 @@ class TaskMessages:
         changes: Iterable[EstimateChange],
         robot: str = "",
         waits_for: str = "",
-    ) -> Any:
+    ) -> TaskInfo:
         """Return a TaskInfo with the result and the estimate's changes."""
         info = self.task_info(task, estimated_time, robot, waits_for)
         info.result = task.result
@@ -221,7 +225,7 @@ class TaskMessages:
         ]
         return info
 
-    def _instant(self, seconds: float | None) -> Any:
+    def _instant(self, seconds: float | None) -> Time:
         # A wall clock may have been wrong by decades. One such task must not make the whole list
         # impossible to send.
         whole, fraction = divmod(min(max(seconds or 0.0, _EARLIEST), _LATEST), 1)

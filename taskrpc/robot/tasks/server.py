@@ -7,7 +7,7 @@ import contextlib
 import logging
 from collections.abc import Awaitable, Callable, Collection, Sequence
 from functools import partial, wraps
-from typing import Any, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, Self, TypeAlias, TypeVar
 
 import srvgen
 from taskrpc import current_call
@@ -35,6 +35,23 @@ from taskrpc.robot.tasks.topics import TaskTopics
 from taskrpc.service import Service
 from taskrpc.spi import Completion, CompletionStore, FileInUse, IntrospectionState, time_of_day
 
+if TYPE_CHECKING:
+    from srvgen.stubs.my_robot_interfaces.srv import RobotTask
+    from srvgen.stubs.std_srvs.srv import Trigger
+    from srvgen.stubs.taskrpc_interfaces.msg import TaskInfo
+    from srvgen.stubs.taskrpc_interfaces.srv import (
+        CancelTask,
+        DropTask,
+        ListTasks,
+        PauseTasks,
+        ReprioritiseTask,
+        RequeueTask,
+        ResumeTasks,
+        ShowTask,
+        StopRobot,
+        WatchTasks,
+    )
+
 _log = logging.getLogger("taskrpc.tasks")
 
 _CONCURRENCY = 64  # calls of one service that may wait for the disk at the same time
@@ -61,6 +78,16 @@ _TYPES = {
 """The type of each service."""
 
 _Handler: TypeAlias = Callable[[Any, Any], Awaitable[Any]]
+
+
+class _Outcome(Protocol):
+    """What the response to every request that changes tasks has."""
+
+    success: bool
+    message: str
+
+
+_Filled = TypeVar("_Filled", bound=_Outcome)
 
 
 def load_types() -> dict[str, Any]:
@@ -213,7 +240,7 @@ class OfferedTasks:
         self._services.append(submit)
         # A client may repeat a call that reads or halts when its response was lost. It must not
         # repeat a call that starts something: another client may have halted it meanwhile.
-        for verb, handler, may_repeat in (
+        handlers: tuple[tuple[str, _Handler, bool], ...] = (
             ("list", self.list_tasks, True),
             ("show", self.show, True),
             ("watch", self.watch, True),
@@ -224,7 +251,8 @@ class OfferedTasks:
             ("requeue", self.requeue, False),
             ("drop", self.drop, True),
             ("stop", self.stop, True),
-        ):
+        )
+        for verb, handler, may_repeat in handlers:
             service = self._node.create_service(
                 self._types[verb],
                 f"{name}/{verb}",
@@ -270,15 +298,21 @@ class OfferedTasks:
 
     # The handlers: `request` and `response` are messages of the service's type
 
-    async def submit(self, request: Any, response: Any) -> Any:
+    async def submit(
+        self, request: RobotTask.Request, response: RobotTask.Response
+    ) -> RobotTask.Response:
         """Queue a task; see RobotTask.srv."""
         raise NotImplementedError
 
-    def _submitted(self, request: Any, response: Any) -> Any:
+    def _submitted(
+        self, request: RobotTask.Request, response: RobotTask.Response
+    ) -> RobotTask.Response | Awaitable[RobotTask.Response]:
         """Take a call of the service that accepts tasks."""
         return self._guarded(self.submit)(request, response)
 
-    async def list_tasks(self, request: Any, response: Any) -> Any:
+    async def list_tasks(
+        self, request: ListTasks.Request, response: ListTasks.Response
+    ) -> ListTasks.Response:
         """List tasks in the order of execution; see ListTasks.srv."""
         response.revision = self.manager.change_feed.revision
         try:
@@ -291,7 +325,9 @@ class OfferedTasks:
         response.paused = self.manager.is_paused
         return response
 
-    async def show(self, request: Any, response: Any) -> Any:
+    async def show(
+        self, request: ShowTask.Request, response: ShowTask.Response
+    ) -> ShowTask.Response:
         """Show one task; see ShowTask.srv."""
         task = self.manager.repository.find(request.task_id)
         response.success = task is not None
@@ -308,7 +344,9 @@ class OfferedTasks:
         )
         return response
 
-    async def watch(self, request: Any, response: Any) -> Any:
+    async def watch(
+        self, request: WatchTasks.Request, response: WatchTasks.Response
+    ) -> WatchTasks.Response:
         """Wait for changes; see WatchTasks.srv."""
         feed, only = self.manager.change_feed, request.task_id
         response.success = not only or self.manager.repository.find(only) is not None
@@ -328,44 +366,60 @@ class OfferedTasks:
             self._fill(response, changed)
         return response
 
-    async def cancel(self, request: Any, response: Any) -> Any:
+    async def cancel(
+        self, request: CancelTask.Request, response: CancelTask.Response
+    ) -> CancelTask.Response:
         """Cancel a task; see CancelTask.srv."""
         refuse_others_task(self.manager.repository.find(request.task_id))
         return filled(response, await self.manager.cancel(request.task_id, client=client_name()))
 
-    async def pause(self, request: Any, response: Any) -> Any:
+    async def pause(
+        self, request: PauseTasks.Request, response: PauseTasks.Response
+    ) -> PauseTasks.Response:
         """Halt the robot and pause the queue; see PauseTasks.srv."""
         return filled(response, await self.manager.pause(robot=request.robot))
 
-    async def resume(self, request: Any, response: Any) -> Any:
+    async def resume(
+        self, request: ResumeTasks.Request, response: ResumeTasks.Response
+    ) -> ResumeTasks.Response:
         """Continue after a pause; see ResumeTasks.srv."""
         return filled(response, await self.manager.resume(robot=request.robot))
 
-    async def reprioritise(self, request: Any, response: Any) -> Any:
+    async def reprioritise(
+        self, request: ReprioritiseTask.Request, response: ReprioritiseTask.Response
+    ) -> ReprioritiseTask.Response:
         """Change a task's priority; see ReprioritiseTask.srv."""
         result = await self.manager.reprioritise(request.task_id, request.priority)
         return filled(response, result)
 
-    async def requeue(self, request: Any, response: Any) -> Any:
+    async def requeue(
+        self, request: RequeueTask.Request, response: RequeueTask.Response
+    ) -> RequeueTask.Response:
         """Queue an ended task again; see RequeueTask.srv."""
         result = await self.manager.requeue(request.task_id, resume=request.resume)
         return filled(response, result)
 
-    async def drop(self, request: Any, response: Any) -> Any:
+    async def drop(
+        self, request: DropTask.Request, response: DropTask.Response
+    ) -> DropTask.Response:
         """Cancel a queued or interrupted task; see DropTask.srv."""
         refuse_others_task(self.manager.repository.find(request.task_id))
         return filled(response, await self.manager.drop(request.task_id, client=client_name()))
 
-    async def stop(self, request: Any, response: Any) -> Any:
+    async def stop(
+        self, request: StopRobot.Request, response: StopRobot.Response
+    ) -> StopRobot.Response:
         """Halt the robot at once and pause the queue; see StopRobot.srv."""
         result = await self.manager.stop(client=client_name(), robot=request.robot)
         return filled(response, result)
 
-    async def tell_health(self, request: Any, response: Any) -> Any:
+    async def tell_health(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
         """Report whether the server accepts tasks now; a std_srvs/srv/Trigger."""
         return filled(response, await self.health())
 
-    def _fill(self, response: Any, changed: list[int]) -> None:
+    def _fill(self, response: WatchTasks.Response, changed: list[int]) -> None:
         self.manager.update_estimates()
         found = (self.manager.repository.find(task_id) for task_id in changed)
         response.tasks = [
@@ -374,7 +428,7 @@ class OfferedTasks:
             if task is not None
         ]
 
-    def _info(self, task: Task, estimated_time: float) -> Any:
+    def _info(self, task: Task, estimated_time: float) -> TaskInfo:
         manager = self.manager
         return self._messages.task_info(
             task, estimated_time, manager.planned_robot(task), manager.waits_for(task)
@@ -464,21 +518,28 @@ class TaskServer(OfferedTasks):
     def _opened(self) -> None:
         self._task_completions.opened()
 
-    async def submit(self, request: Any, response: Any) -> Any:
+    async def submit(
+        self, request: RobotTask.Request, response: RobotTask.Response
+    ) -> RobotTask.Response:
         """Queue a task; see RobotTask.srv."""
         begun = self._begin_submit(request, response)
         return await begun if isinstance(begun, asyncio.Future) else begun
 
-    def _submitted(self, request: Any, response: Any) -> Any:
+    def _submitted(
+        self, request: RobotTask.Request, response: RobotTask.Response
+    ) -> RobotTask.Response | Awaitable[RobotTask.Response]:
         if self._started.is_set():
             self._refuse_when_closed()
             return self._begin_submit(request, response)
         return self._guarded(self.submit)(request, response)
 
-    def _begin_submit(self, request: Any, response: Any) -> Any:
+    def _begin_submit(
+        self, request: RobotTask.Request, response: RobotTask.Response
+    ) -> RobotTask.Response | asyncio.Future[RobotTask.Response]:
         """Queue a task; returns the response, or its future while the task is being stored."""
         client, account, machine = submitter()
         # A future and no coroutine: the node would make an asyncio task for each waiting coroutine.
+        queued: asyncio.Future[RobotTask.Response]
         queued = asyncio.get_running_loop().create_future()
         try:
             result = self.manager.submit_with_callback(
@@ -507,7 +568,9 @@ def failed_call(unstored: Code, error: TaskRpcError) -> HandlerError:
 
 
 def _resolve_response(
-    queued: asyncio.Future[Any], response: Any, error: BaseException | None
+    queued: asyncio.Future[RobotTask.Response],
+    response: RobotTask.Response,
+    error: BaseException | None,
 ) -> None:
     """Resolve the future of a filled response when its task is stored, or is not."""
     if queued.done():
@@ -522,7 +585,7 @@ def _resolve_response(
         queued.set_exception(error)
 
 
-def filled(response: Any, result: TaskResponse) -> Any:
+def filled(response: _Filled, result: TaskResponse) -> _Filled:
     """Return the response message, filled with the manager's result."""
     response.success = result.success
     response.message = result.message

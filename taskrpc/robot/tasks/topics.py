@@ -8,9 +8,10 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Coroutine
-from typing import Any
+from typing import TYPE_CHECKING, Any, Generic
 
 import srvgen
+from taskrpc.message_types import MsgT
 from taskrpc.node import Node
 from taskrpc.qos import QoS
 from taskrpc.robot.protocol import Pose
@@ -18,6 +19,10 @@ from taskrpc.robot.tasks.managed import ManagedTasks
 from taskrpc.robot.tasks.responses import TaskMessages
 from taskrpc.spi import time_of_day_ns
 from taskrpc.topic import Publisher
+
+if TYPE_CHECKING:
+    from srvgen.stubs.geometry_msgs.msg import PoseStamped
+    from srvgen.stubs.taskrpc_interfaces.msg import TaskEvents
 
 POSE_PERIOD = 0.1
 """Seconds between two poses of a moving robot."""
@@ -40,17 +45,18 @@ class TaskTopics:
         self._messages = messages
         self._events_type = srvgen.load("taskrpc_interfaces/msg/TaskEvents")
         self._pose_type = srvgen.load("geometry_msgs/msg/PoseStamped")
-        self._topics = [
-            _OnDemandTopic(node, self._events_type, f"{service_name}/events", self._publish_events),
+        events = f"{service_name}/events"
+        self._topics: tuple[_OnDemandTopic[TaskEvents], _OnDemandTopic[PoseStamped]] = (
+            _OnDemandTopic(node, self._events_type, events, self._publish_events),
             _OnDemandTopic(node, self._pose_type, f"{service_name}/pose", self._publish_pose),
-        ]
+        )
 
     def close(self) -> None:
         """Stop publishing and destroy the publishers."""
         for topic in self._topics:
             topic.close()
 
-    async def _publish_events(self, publisher: Publisher[Any]) -> None:
+    async def _publish_events(self, publisher: Publisher[TaskEvents]) -> None:
         feed, running = self._manager.change_feed, self._manager.running
         revision = feed.revision
         publisher.publish(self._events([] if running is None else [running.task_id], revision))
@@ -60,7 +66,7 @@ class TaskTopics:
             changed, revision = feed.changed_since(revision), feed.revision
             publisher.publish(self._events(changed, revision))
 
-    def _events(self, changed: list[int] | None, revision: int) -> Any:
+    def _events(self, changed: list[int] | None, revision: int) -> TaskEvents:
         manager = self._manager
         complete = changed is not None and len(changed) <= MOST_TASKS
         manager.update_estimates()
@@ -83,7 +89,7 @@ class TaskTopics:
             ],
         )
 
-    async def _publish_pose(self, publisher: Publisher[Any]) -> None:
+    async def _publish_pose(self, publisher: Publisher[PoseStamped]) -> None:
         feed, last = self._manager.change_feed, None
         while not feed.is_closed:
             pose, revision = self._manager.pose(), feed.revision
@@ -94,7 +100,7 @@ class TaskTopics:
             last = pose
             await asyncio.sleep(POSE_PERIOD)
 
-    def _stamped(self, pose: Pose) -> Any:
+    def _stamped(self, pose: Pose) -> PoseStamped:
         message = self._pose_type()
         stamp = message.header.stamp
         stamp.sec, stamp.nanosec = divmod(time_of_day_ns(), 10**9)
@@ -105,15 +111,15 @@ class TaskTopics:
         return message
 
 
-class _OnDemandTopic:
+class _OnDemandTopic(Generic[MsgT]):
     """A publisher, and an asyncio task that publishes while the topic has subscribers."""
 
     def __init__(
         self,
         node: Node,
-        msg_type: Any,
+        msg_type: type[MsgT],
         topic: str,
-        publish: Callable[[Publisher[Any]], Coroutine[Any, Any, None]],
+        publish: Callable[[Publisher[MsgT]], Coroutine[Any, Any, None]],
     ) -> None:
         self._publish = publish
         self._task: asyncio.Task[None] | None = None

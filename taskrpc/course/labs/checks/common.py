@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import re
-from typing import Any
 
 import taskrpc
 from taskrpc.client import Client
 from taskrpc.course.labs.lab import NotMet
 from taskrpc.course.labs.trial import Program, Trial
+from taskrpc.message_types import RequestT, ResponseT, Srv
 
 STARTED = 20.0
 """Seconds that a program of a submission has to offer its service."""
@@ -23,8 +23,8 @@ _OF_EVERY_NODE = re.compile(
 
 
 async def service_of(
-    trial: Trial, program: Program, srv_type: type[Any], name: str
-) -> Client[Any, Any]:
+    trial: Trial, program: Program, srv_type: type[Srv[RequestT, ResponseT]], name: str
+) -> Client[RequestT, ResponseT]:
     """Return a client of the service that a program must offer; raises NotMet if it does not."""
     client = trial.node.create_client(srv_type, name)
     waiting = asyncio.ensure_future(client.wait_for_service(timeout=STARTED))
@@ -105,8 +105,8 @@ def expect_spun(client: Program) -> None:
 
 
 async def answer(
-    client: Client[Any, Any], request: Any, what: str, timeout: float = ANSWERED
-) -> Any:
+    client: Client[RequestT, ResponseT], request: RequestT, what: str, timeout: float = ANSWERED
+) -> ResponseT:
     """Return the response to a request; raises NotMet, with the reason, if there is none.
 
     Args:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Final
 
 import srvgen
 from taskrpc.course.labs.checks.common import (
@@ -21,7 +21,10 @@ from taskrpc.course.labs.lab import Check, Lab, NotMet
 from taskrpc.course.labs.trial import Trial
 from taskrpc.course.labs.variants import Variant
 
-_TYPE = "example_interfaces/srv/AddTwoInts"
+if TYPE_CHECKING:
+    from srvgen.stubs.example_interfaces.srv import AddTwoInts
+
+_TYPE: Final = "example_interfaces/srv/AddTwoInts"
 _WAITS = re.compile(r"\b(wait_for_service|service_is_ready)\b")
 _ABSENT = 5.0
 """Seconds until the server starts: taskrpc reports a request without a server after 2 to 3 s."""
@@ -93,9 +96,9 @@ async def _prints(trial: Trial) -> None:
     # No client can print all numbers that it may be.
     number = trial.unpredictable(10**6, 10**7 - 1)
     a, b = trial.unpredictable(100, 499), trial.unpredictable(500, 999)
-    requests: list[Any] = []
+    requests: list[AddTwoInts.Request] = []
 
-    def respond(request: Any, response: Any) -> Any:
+    def respond(request: AddTwoInts.Request, response: AddTwoInts.Response) -> AddTwoInts.Response:
         requests.append(request)
         response.sum = number
         return response
@@ -160,7 +163,7 @@ async def _waits(trial: Trial) -> None:
     if (code := await client.finished(timeout=0.0)) is not None:
         raise NotMet(expected, f"no server ran, and {ended(client, code)}", look)
 
-    def respond(request: Any, response: Any) -> Any:
+    def respond(request: AddTwoInts.Request, response: AddTwoInts.Response) -> AddTwoInts.Response:
         response.sum = 3
         return response
 

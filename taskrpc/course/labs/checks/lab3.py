@@ -10,7 +10,7 @@ import asyncio
 import contextlib
 import re
 from collections.abc import AsyncIterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Final
 
 import srvgen
 from taskrpc.course.labs.checks.common import STARTED, ended, remark
@@ -18,7 +18,10 @@ from taskrpc.course.labs.lab import Check, Lab, NotMet
 from taskrpc.course.labs.trial import Program, Trial
 from taskrpc.course.labs.variants import Variant
 
-_TYPE = "example_interfaces/srv/AddTwoInts"
+if TYPE_CHECKING:
+    from srvgen.stubs.example_interfaces.srv import AddTwoInts
+
+_TYPE: Final = "example_interfaces/srv/AddTwoInts"
 _NAMES = ("slow_add", "slow_sum", "patient_add", "long_addition")
 _CALLS = 3
 _HELD = 10.0
@@ -53,7 +56,9 @@ class HeldService:
         self._news = asyncio.Event()
         self._released: dict[Pair, asyncio.Event] = {pair: asyncio.Event() for pair in self.sums}
 
-    async def respond(self, request: Any, response: Any) -> Any:
+    async def respond(
+        self, request: AddTwoInts.Request, response: AddTwoInts.Response
+    ) -> AddTwoInts.Response:
         """The callback: waits until the request is released."""
         pair = (request.a, request.b)
         self._in_flight += 1

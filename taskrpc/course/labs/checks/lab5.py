@@ -6,7 +6,7 @@ import asyncio
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Final
 
 import srvgen
 from taskrpc.client import Client
@@ -15,7 +15,10 @@ from taskrpc.course.labs.lab import Check, Lab, NotMet
 from taskrpc.course.labs.trial import Program, Trial
 from taskrpc.course.labs.variants import Variant
 
-_TYPE = "my_robot_interfaces/srv/RobotTask"
+if TYPE_CHECKING:
+    from srvgen.stubs.my_robot_interfaces.srv import RobotTask
+
+_TYPE: Final = "my_robot_interfaces/srv/RobotTask"
 _NAMES = ("robot_task", "submit_task", "task_desk", "orders", "work_list")
 _TYPES = (
     ("move", "scan", "report"),
@@ -81,7 +84,7 @@ class Desk:
         self,
         trial: Trial,
         program: Program,
-        client: Client[Any, Any],
+        client: Client[RobotTask.Request, RobotTask.Response],
         *,
         interleaved: bool = False,
     ) -> None:
@@ -104,7 +107,7 @@ class Desk:
         """Return the time of the trial."""
         return self._trial.time()
 
-    async def request(self, task_type: str, target: str, priority: int) -> Any:
+    async def request(self, task_type: str, target: str, priority: int) -> RobotTask.Response:
         """Return the response to any request."""
         request = srvgen.load(_TYPE).Request(task_type=task_type, target=target, priority=priority)
         words = f"task_type={task_type} target={target} priority={priority}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
 import srvgen
 from taskrpc.client import Client
@@ -22,8 +22,11 @@ from taskrpc.course.labs.lab import Check, Lab, NotMet
 from taskrpc.course.labs.trial import Program, Trial
 from taskrpc.course.labs.variants import Variant
 
-_TRIGGER = "std_srvs/srv/Trigger"
-_SET_BOOL = "std_srvs/srv/SetBool"
+if TYPE_CHECKING:
+    from srvgen.stubs.std_srvs.srv import SetBool, Trigger
+
+_TRIGGER: Final = "std_srvs/srv/Trigger"
+_SET_BOOL: Final = "std_srvs/srv/SetBool"
 _SCAN = 2.0
 """Seconds that a scan takes."""
 _TRIES = 3
@@ -119,12 +122,12 @@ async def _mission_works(trial: Trial) -> None:
     level, objects = trial.unpredictable(10, 99), trial.unpredictable(100, 999)
     called: list[str] = []
 
-    async def battery(request: Any, response: Any) -> Any:
+    async def battery(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         called.append(f"/{name}/battery")
         response.success, response.message = True, f"{level} percent"
         return response
 
-    async def scan(request: Any, response: Any) -> Any:
+    async def scan(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         called.append(f"/{name}/scan")
         response.success, response.message = True, f"{objects} objects"
         return response
@@ -146,7 +149,9 @@ async def _mission_works(trial: Trial) -> None:
             )
 
 
-async def _mission(client: Client[Any, Any], planner: Program, called: Sequence[str]) -> str:
+async def _mission(
+    client: Client[Trigger.Request, Trigger.Response], planner: Program, called: Sequence[str]
+) -> str:
     try:
         response = await answer(client, srvgen.load(_TRIGGER).Request(), "an empty request")
     except NotMet as problem:
@@ -165,13 +170,13 @@ async def _console_works(trial: Trial) -> None:
     number = trial.unpredictable(10**6, 10**7 - 1)
     called: list[str] = []
 
-    async def light(request: Any, response: Any) -> Any:
+    async def light(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         called.append(f"/{name}/light")
         response.success = True
         response.message = f"light {number} is {'on' if request.data else 'off'}"
         return response
 
-    async def mission(request: Any, response: Any) -> Any:
+    async def mission(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         called.append("/mission")
         await trial.sleep(1.25 * _SCAN)
         response.success, response.message = True, f"mission {number} is done"
