@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 
 from .status import DiagnosticStatusWrapper, checked_report
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
 _PERIOD = "diagnostic_updater.period"
 _USE_FQN = "diagnostic_updater.use_fqn"
@@ -60,7 +63,7 @@ class Updater(DiagnosticTaskVector):
             precedence.
     """
 
-    def __init__(self, node: Any, period: float = 1.0) -> None:
+    def __init__(self, node: Node, period: float = 1.0) -> None:
         super().__init__()
         self.node = node
         self.publisher = node.create_publisher(DiagnosticArray, "/diagnostics", 1)
@@ -138,7 +141,7 @@ class Updater(DiagnosticTaskVector):
         return status
 
 
-def _parameter(node: Any, name: str, default: Any) -> Any:
+def _parameter(node: Node, name: str, default: Any) -> Any:
     if node.has_parameter(name):
         return node.get_parameter(name).value
     return node.declare_parameter(name, default).value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time as system_time
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.clock import Clock, JumpThreshold
@@ -16,6 +16,10 @@ from rclpy.time import Time
 from tf2_py import BufferCore
 
 from .buffer_interface import BufferInterface
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+    from tf2_msgs.srv import FrameGraph
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -30,7 +34,7 @@ class Buffer(BufferCore, BufferInterface):
         node: offers the service `tf2_frames`; if its clock jumps back, the buffer is cleared.
     """
 
-    def __init__(self, cache_time: Duration | None = None, node: Any = None) -> None:
+    def __init__(self, cache_time: Duration | None = None, node: Node | None = None) -> None:
         BufferCore.__init__(self, *([] if cache_time is None else [cache_time]))
         BufferInterface.__init__(self)
         self._waiters: list[Callable[[], None]] = []
@@ -49,7 +53,9 @@ class Buffer(BufferCore, BufferInterface):
             threshold, post_callback=self.time_jump_callback
         )
 
-    def _frame_graph(self, request: Any, response: Any) -> Any:
+    def _frame_graph(
+        self, request: FrameGraph.Request, response: FrameGraph.Response
+    ) -> FrameGraph.Response:
         response.frame_yaml = self.all_frames_as_yaml()
         return response
 
@@ -98,7 +104,9 @@ class Buffer(BufferCore, BufferInterface):
         self.can_transform(target_frame, source_frame, time, timeout)
         return self.lookup_transform_core(target_frame, source_frame, time)
 
-    async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time) -> Any:
+    async def lookup_transform_async(
+        self, target_frame: str, source_frame: str, time: Time
+    ) -> TransformStamped:
         """As `lookup_transform`, but wait for it without a time limit and without blocking."""
         await self.wait_for_transform_async(target_frame, source_frame, time)
         return self.lookup_transform_core(target_frame, source_frame, time)
@@ -111,7 +119,7 @@ class Buffer(BufferCore, BufferInterface):
         source_time: Time,
         fixed_frame: str,
         timeout: Duration = Duration(),  # noqa: B008
-    ) -> Any:
+    ) -> TransformStamped:
         """The transform from the source frame at one time to the target frame at another.
 
         `fixed_frame` does not move between the two times. Raises TransformException.
@@ -127,7 +135,7 @@ class Buffer(BufferCore, BufferInterface):
         source_frame: str,
         source_time: Time,
         fixed_frame: str,
-    ) -> Any:
+    ) -> TransformStamped:
         """As `lookup_transform_full`, but wait for it without a limit and without blocking."""
         where = (target_frame, target_time, source_frame, source_time, fixed_frame)
         await self.wait_for_transform_full_async(*where)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import tf2_py
 from rclpy.action import ActionClient
@@ -13,6 +13,9 @@ from tf2_msgs.action import LookupTransform
 from tf2_msgs.msg import TF2Error
 
 from .buffer_interface import BufferInterface
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
 _ERRORS = {
     TF2Error.LOOKUP_ERROR: tf2_py.LookupException,
@@ -35,7 +38,7 @@ class BufferClient(BufferInterface):
 
     def __init__(
         self,
-        node: Any,
+        node: Node,
         ns: str,
         check_frequency: float = 10.0,
         timeout_padding: Duration = Duration(seconds=2.0),  # noqa: B008

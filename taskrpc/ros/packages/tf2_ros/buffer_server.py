@@ -6,11 +6,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TypeAlias
 
 import rclpy
 import tf2_py
+from geometry_msgs.msg import TransformStamped
 from rclpy.action import ActionServer, CancelResponse
+from rclpy.action.server import ServerGoalHandle
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -21,6 +23,10 @@ from tf2_msgs.msg import TF2Error
 
 from .buffer import Buffer
 from .transform_listener import TransformListener
+
+_Goal: TypeAlias = ServerGoalHandle[
+    LookupTransform.Goal, LookupTransform.Result, LookupTransform.Feedback
+]
 
 _CODES = {
     tf2_py.LookupException: TF2Error.LOOKUP_ERROR,
@@ -44,7 +50,7 @@ class BufferServer:
     def __init__(
         self,
         buffer: Buffer,
-        node: Any,
+        node: Node,
         ns: str,
         check_period: Duration = Duration(seconds=0.01),  # noqa: B008
     ) -> None:
@@ -63,7 +69,7 @@ class BufferServer:
         """Remove the action from the node."""
         self._server.destroy()
 
-    async def _execute(self, goal: Any) -> Any:
+    async def _execute(self, goal: _Goal) -> LookupTransform.Result:
         await self._until_found(goal)
         result = LookupTransform.Result()
         if goal.is_cancel_requested:
@@ -77,7 +83,7 @@ class BufferServer:
         goal.succeed()
         return result
 
-    async def _until_found(self, goal: Any) -> None:
+    async def _until_found(self, goal: _Goal) -> None:
         """Wait until the transform is there, or the goal's timeout ends, or it is cancelled."""
         clock = self.node.get_clock()
         end = clock.now() + Duration.from_msg(goal.request.timeout)
@@ -93,14 +99,14 @@ class BufferServer:
         await ended
         self.node.destroy_timer(timer)
 
-    def _has(self, request: Any) -> bool:
+    def _has(self, request: LookupTransform.Goal) -> bool:
         try:
             self._lookup(request)
         except tf2_py.TransformException:
             return False
         return True
 
-    def _lookup(self, request: Any) -> Any:
+    def _lookup(self, request: LookupTransform.Goal) -> TransformStamped:
         """The transform of a request. Raises TransformException."""
         target, source = request.target_frame, request.source_frame
         time = Time.from_msg(request.source_time)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from copy import deepcopy
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile
 from tf2_msgs.msg import TFMessage
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
 
 class StaticTransformBroadcaster:
@@ -22,7 +25,7 @@ class StaticTransformBroadcaster:
         qos: a QoSProfile, or the depth of the history.
     """
 
-    def __init__(self, node: Any, qos: Any = None) -> None:
+    def __init__(self, node: Node, qos: Any = None) -> None:
         if qos is None:
             qos = QoSProfile(
                 depth=1,

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from .buffer import Buffer
 from .transform_listener import DEFAULT_STATIC_TF_TOPIC, DEFAULT_TF_TOPIC, TransformListener
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
 __all__ = ["DEFAULT_STATIC_TF_TOPIC", "DEFAULT_TF_TOPIC", "StaticTransformListener"]
 
@@ -16,7 +19,7 @@ class StaticTransformListener(TransformListener):
     def __init__(
         self,
         buffer: Buffer,
-        node: Any,
+        node: Node,
         *,
         spin_thread: bool = False,
         static_qos: Any = None,

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.qos import QoSProfile
 from tf2_msgs.msg import TFMessage
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
 
 
 class TransformBroadcaster:
@@ -18,7 +21,7 @@ class TransformBroadcaster:
         qos: a QoSProfile, or the depth of the history.
     """
 
-    def __init__(self, node: Any, qos: Any = QoSProfile(depth=100)) -> None:  # noqa: B008
+    def __init__(self, node: Node, qos: Any = QoSProfile(depth=100)) -> None:  # noqa: B008
         self.pub_tf = node.create_publisher(TFMessage, "/tf", qos)
 
     def sendTransform(self, transform: TransformStamped | Iterable[TransformStamped]) -> None:

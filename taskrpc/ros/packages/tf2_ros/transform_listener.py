@@ -38,7 +38,7 @@ class TransformListener:
     def __init__(
         self,
         buffer: Buffer,
-        node: Any,
+        node: Node,
         *,
         spin_thread: bool = False,
         qos: Any = None,
