@@ -1,7 +1,7 @@
 """The stubs that are committed: `python -m tests.types.bundled_stubs` writes them again.
 
-`srvgen/stubs` is installed with srvgen. `typings` is for our own checks: our ROS programs import
-the same classes under their names in ROS.
+`srvgen/stubs` is installed with srvgen. `typings` beside this file is for our own checks: our ROS
+programs import the same classes under their names in ROS.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from srvgen.files.search import BUNDLED, Search
 from tests.srvgen.sample_definitions import put_all
 
 ROOT = Path(__file__).parents[2]
-FOLDERS = ROOT / "srvgen" / "stubs", ROOT / "typings"
+FOLDERS = ROOT / "srvgen" / "stubs", ROOT / "tests" / "types" / "typings"
 
 
 def expected() -> dict[str, str]:
@@ -25,7 +25,7 @@ def expected() -> dict[str, str]:
     files = {f"srvgen/stubs/{path}": text for path, text in bundled_stubs(definitions).items()}
     for package, kind in sorted({tuple(name.split("/")[:2]) for name in definitions}):
         text = f"from {BUNDLED_STUBS}{package}.{kind} import *\n"
-        files[f"typings/{package}/{kind}.pyi"] = text
+        files[f"tests/types/typings/{package}/{kind}.pyi"] = text
     return files
 
 

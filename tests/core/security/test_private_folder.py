@@ -306,7 +306,7 @@ async def test_a_server_whose_unix_socket_was_removed_says_once_what_to_do(caplo
     path = network.listen(asyncio.BufferedProtocol).removeprefix("unix:")
     await asyncio.sleep(ENTRY_CHECK)
     assert caplog.records == []
-    shutil.rmtree(platform.runtime_dir())
+    shutil.rmtree(folders.runtime_dir())
     await asyncio.sleep(3 * ENTRY_CHECK)
     await network.stop_listening()
     network.close()
