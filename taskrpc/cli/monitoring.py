@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -139,9 +140,11 @@ class Monitoring:
             tokens = self.tokens
             link = PageLink(os.getpid(), web.url, tokens.view, tokens.control, self._service)
             noted = NotedLink(link)
+            keeping = asyncio.create_task(noted.keep())
             try:
                 yield web
             finally:
+                keeping.cancel()
                 noted.close()
                 if self._rosbridge is not None:
                     await self._rosbridge.close()

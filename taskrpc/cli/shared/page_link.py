@@ -6,6 +6,7 @@ lock while it runs, so the file of a server that was killed is recognised.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import os
 from operator import itemgetter
@@ -13,8 +14,11 @@ from operator import itemgetter
 import msgspec
 
 from taskrpc.core.transport.discovery.registry import domain_folder
+from taskrpc.errors import TaskRpcError
 from taskrpc.spi import domain_id, file_locks, is_loopback, split_address
 
+CHECK = 2.0
+"""Seconds between two checks that the file is still there."""
 _LONGEST = 65_536
 """Bytes of the longest file that is read."""
 
@@ -65,11 +69,25 @@ class NotedLink:
         robot = link.service.removesuffix("/robot_task").replace("/", "_")
         self._folder = domain_folder(domain_id())
         self._name = f"web-{link.pid}{robot}.page"
+        self._link = link
+        self._write(link)
+
+    def _write(self, link: PageLink) -> None:
         with contextlib.suppress(FileNotFoundError):
             self._folder.remove(self._name)
         self._descriptor = self._folder.open(self._name, must_be_new=True)
         file_locks.lock(self._descriptor)
         os.write(self._descriptor, msgspec.json.encode(link))
+
+    async def keep(self) -> None:
+        """Write the file again whenever it was removed, until this task is cancelled."""
+        while True:
+            await asyncio.sleep(CHECK)
+            with contextlib.suppress(OSError, TaskRpcError):  # the registry logs the reason
+                old = self._descriptor
+                if self._folder.renew() or os.fstat(old).st_nlink == 0:
+                    self._write(self._link)
+                    os.close(old)
 
     def close(self) -> None:
         """Remove the file."""

@@ -1,12 +1,14 @@
 """The links of a live page are noted for this user only, and only while the server runs."""
 
+import asyncio
 import os
+import shutil
 import stat
 import sys
 
 import pytest
 
-from taskrpc.cli.shared.page_link import NotedLink, PageLink, noted_links
+from taskrpc.cli.shared.page_link import CHECK, NotedLink, PageLink, noted_links
 from taskrpc.core.transport.discovery.registry import Registry, domain_folder
 
 LINK = PageLink(7, "http://127.0.0.1:1", "VIEW", "CONTROL")
@@ -40,6 +42,21 @@ def test_file_of_a_killed_server_is_ignored_and_replaced():
     noted = NotedLink(LINK)
     assert noted_links() == [LINK]
     noted.close()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows removes no open files")
+@pytest.mark.parametrize("remove", [shutil.rmtree, lambda folder: files()[0].unlink()])
+async def test_removed_file_is_written_again(remove):
+    noted = NotedLink(LINK)
+    keeping = asyncio.create_task(noted.keep())
+    for _ in range(2):
+        remove(domain_folder(0).path)
+        assert noted_links() == []
+        await asyncio.sleep(CHECK + 0.1)
+        assert noted_links() == [LINK]
+    keeping.cancel()
+    noted.close()
+    assert files() == []
 
 
 def test_newest_server_is_first():
