@@ -108,6 +108,19 @@ class Accounts:
         account = self._by_name.get(name)
         return f"there is no account {name}" if account is None else account.refusal(now)
 
+    def recheck(self, proved: Account, now: float) -> Account | str:
+        """Return what an account is now that a caller has proved earlier.
+
+        Returns a reason, for the server's log only, if the caller may not call any more: the
+        account is gone, revoked or expired, or has another secret.
+        """
+        account = self.find(proved.name, now)
+        if account is None:
+            return self.refusal(proved.name, now)
+        if account.secret != proved.secret:
+            return f"{proved.name} has another secret now"
+        return account
+
 
 def account_name_problem(name: str) -> str:
     """Return why an account cannot have this name, "" if it can."""

@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from taskrpc import Account, Accounts, Role, TaskRpcError
 from taskrpc.core.security.roles import account_of
@@ -54,6 +55,17 @@ def test_an_account_is_found_until_it_expires_or_is_revoked(account, now, why):
 def test_an_unknown_account_is_not_found():
     assert Accounts().find("eve", 0.0) is None
     assert Accounts().refusal("eve", 0.0) == "there is no account eve"
+
+
+def test_the_recheck_an_account_is_its_present_value_or_why_it_ended():
+    proved = Account("ana", SECRET)
+    changed = replace(proved, role=Role.OPERATE)
+    assert Accounts([proved]).recheck(proved, 0) == proved
+    assert Accounts([changed]).recheck(proved, 0) == changed
+    other, revoked = replace(proved, secret="another-one"), replace(proved, revoked=True)
+    assert Accounts([other]).recheck(proved, 0) == "ana has another secret now"
+    assert Accounts([revoked]).recheck(proved, 0) == "the account ana is revoked"
+    assert Accounts().recheck(proved, 0) == "there is no account ana"
 
 
 def test_two_accounts_of_one_name_are_refused():

@@ -123,9 +123,17 @@ class RemoteCall(IncomingCall, eq=False, kw_only=True):
 
     def expired(self) -> None:
         """Cancel the call: the caller's deadline has passed."""
+        self._end_early(DeadlineExceeded("no response by the deadline"))
+
+    def cancelled_by_caller(self) -> None:
+        """Cancel the call: its caller has cancelled it."""
+        self._end_early(TaskRpcError("cancelled by the caller"))
+
+    def _end_early(self, error: TaskRpcError) -> None:
         self.cancel()
-        unstarted = None if self.started else True
-        self.fail(DeadlineExceeded("no response by the deadline", not_executed=unstarted))
+        if not self.started:
+            error.not_executed = True
+        self.fail(error)
 
     def lost(self) -> None:
         """The connection is gone; a call with a request id is cancelled at its deadline only."""

@@ -12,14 +12,11 @@ from taskrpc.core.transport.base import Offer
 from taskrpc.core.transport.connection.connection import UNREAD_LIMIT, Connection, Owner
 from taskrpc.core.transport.connection.incoming_call import (
     RemoteCall,
-    Route,
     RouteFaults,
-    mismatch,
     refused,
-    rerouted,
     resolved,
-    route_to,
 )
+from taskrpc.core.transport.connection.routes import Refusal, Routes
 from taskrpc.core.transport.limits.backpressure import Backpressure
 from taskrpc.core.transport.limits.calls_in_flight import FREE, CallsInFlight
 from taskrpc.core.transport.limits.quotas import QuotaKey, quota_key_of
@@ -45,7 +42,6 @@ from taskrpc.errors import (
     InvalidRequest,
     PermissionDenied,
     ProtocolError,
-    ServerBusy,
     ServiceUnavailable,
     TaskRpcError,
 )
@@ -62,8 +58,6 @@ _accounts_log = logging.getLogger("taskrpc.transport")
 _TRACED = int(Flag.TRACED)
 _EXACTLY_ONCE = int(Flag.EXACTLY_ONCE)  # a Flag's own & costs as much as a decoded message
 
-MAX_HANDLES = 0xFFFF
-"""Most pairs of a service and a calling node that one connection can use."""
 FRAMES_A_TURN = 64
 """Frames of one connection that are handled before those of other connections."""
 LINGER = 0.5
@@ -143,7 +137,6 @@ class ServingConnection(Connection):
     """A connection on which the peer calls services of this process."""
 
     __slots__ = (
-        "_handles",
         "_held",
         "_linger",
         "_routes",
@@ -186,9 +179,7 @@ class ServingConnection(Connection):
         # Created when first needed: of thousands of idle connections, most need no list.
         self._held: list[_Held] | None = None
         """Requests that may not begin yet; see `hold`."""
-        # Several nodes of a program share a connection: a method id names a service and a node.
-        self._handles: dict[tuple[int, str], int] | None = None
-        self._routes: dict[int, Route] = {}
+        self._routes = Routes()
 
     def pause_writing(self) -> None:
         """Begin no more calls: the caller reads more slowly than we answer."""
@@ -309,16 +300,15 @@ class ServingConnection(Connection):
         proved = self.account
         if proved is None or self.session.state is ConnectionState.CLOSED:
             return
-        account = accounts.find(proved.name, today)
-        if account is None or account.secret != proved.secret:
-            why = accounts.refusal(proved.name, today) or f"{proved.name} has another secret now"
-            _accounts_log.warning("closed the connection from %s: %s", self.peer_name, why)
+        current = accounts.recheck(proved, today)
+        if isinstance(current, str):
+            _accounts_log.warning("closed the connection from %s: %s", self.peer_name, current)
             self._shut_out()
-        elif account != proved and self.session.state is ConnectionState.OPEN:
+        elif current != proved and self.session.state is ConnectionState.OPEN:
             _accounts_log.info(
                 "the account %s changed; its callers must connect again", proved.name
             )
-            self.role = account.role
+            self.role = current.role
             if self.subscriber is not None:  # a long call keeps the connection for a while
                 self.subscriber.role_changed()
             self.drain()
@@ -403,11 +393,8 @@ class ServingConnection(Connection):
 
     def _cancelled(self, event: CancelReceived) -> None:
         # Not part of the event: if REQUEST and CANCEL came in one read, the call is newer than it.
-        call = event.request.ticket
-        if call is not None:
-            call.cancel()
-            unstarted = None if call.started else True
-            call.fail(TaskRpcError("cancelled by the caller", not_executed=unstarted))
+        if (call := event.request.ticket) is not None:
+            call.cancelled_by_caller()
 
     def _limits_exceeded(self, event: LimitsExceeded) -> None:
         error = self.why_closed = event.error
@@ -445,19 +432,13 @@ class ServingConnection(Connection):
         store_id = offer.store_id() if offer is not None and offer.store_id is not None else None
         if store_id is not None and not store_id.done():
             store_id.add_done_callback(lambda known: self._resolve_late(event, method, known))
-        elif offer is None:
-            error: TaskRpcError = ServiceUnavailable(f"no service {question.name} here")
-            self._lookup_failed(event, error, exists=False)
-        elif question.type_hash not in ("", offer.srv_type._HASH):
-            self._lookup_failed(event, mismatch(question, offer), exists=True)
-        elif len(self._routes) >= MAX_HANDLES:
-            # Method ids are never reused on one connection; a new connection starts again at 1.
-            error = ServerBusy(f"this connection has used all of its {MAX_HANDLES} method ids")
-            self.session.fail(event.call_id, error)
-            self.drain()
-        else:
+        elif (refusal := self._routes.refusal(question, offer)) is not None:
+            self._lookup_failed(event, refusal)
+        elif offer is not None:
             caller = question.caller or self.caller
-            handle = self._handle(method, self._measured(offer), caller)
+            faults, account = self.server.faults, self.principal
+            offer = self._measured(offer)
+            handle = self._routes.add(offer, method, caller, account, self.role, faults)
             try:
                 body = resolved(handle, offer, store_id, with_definition=event.with_definition)
             except TaskRpcError as error:
@@ -467,10 +448,12 @@ class ServingConnection(Connection):
                 if self.principal:
                     self.server.failed_lookups.pop(self.principal, None)
 
-    def _lookup_failed(self, event: ResolveReceived, error: TaskRpcError, *, exists: bool) -> None:
-        self.session.fail(event.call_id, error)
-        if self.principal:
-            self.server.failed_lookups[self.principal] = event.question.name, exists
+    def _lookup_failed(self, event: ResolveReceived, refusal: Refusal) -> None:
+        self.session.fail(event.call_id, refusal.error)
+        if refusal.drains:
+            self.drain()
+        elif self.principal:
+            self.server.failed_lookups[self.principal] = event.question.name, refusal.exists
 
     def _subscribed(self, event: SubscribeReceived) -> None:
         if self.session.state is ConnectionState.OPEN:
@@ -493,31 +476,14 @@ class ServingConnection(Connection):
                 self._resolved(event)
             self.flush_soon()
 
-    def _handle(self, method: int, offer: Offer, caller: str) -> int:
-        """The method id with which this peer calls a service for one of its nodes."""
-        if self._handles is None:
-            self._handles = {}
-        handle = self._handles.setdefault((method, caller), len(self._handles) + 1)
-        if handle not in self._routes:
-            route = route_to(offer, method, caller, self.principal, self.role)
-            self._routes[handle] = self._with_faults(route)
-        return handle
-
     def measure(self) -> None:
         """Begin or end the measuring of later calls, as the server's meter says."""
-        for handle, route in self._routes.items():
-            if (offer := self.server.offers.get(route.method)) is not None:
-                self._routes[handle] = self._with_faults(rerouted(route, self._measured(offer)))
+        self._routes.reroute(self.server.offers, self._measured, self.server.faults)
 
     def _measured(self, offer: Offer) -> Offer:
         """The offer as this connection's routes need it: with the meter while it measures."""
         meter = self.server.meter
         return offer if meter is None or self in meter.watchers else meter.measured(offer)
-
-    def _with_faults(self, route: Route) -> Route:
-        """The route with the faults that this program injects into its calls."""
-        faults = self.server.faults
-        return route if faults is None else faults.applied(route)
 
     def _report_refusal(self, method: int, error: TaskRpcError) -> None:
         """Report a request to observers that was refused before it became a call."""
