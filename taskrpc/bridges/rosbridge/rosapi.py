@@ -13,7 +13,7 @@ import os
 import re
 from collections.abc import Awaitable, Callable, Iterator
 from functools import cache
-from typing import Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import srvgen
 from srvgen.classes.loader import search
@@ -29,6 +29,9 @@ from taskrpc.bridges.rosbridge.values import request_from_json, to_json
 from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
 from taskrpc.spi import time_of_day_ns
+
+if TYPE_CHECKING:
+    from srvgen.stubs.rosapi_msgs import srv
 
 _Fields: TypeAlias = dict[str, Any]
 _Answer: TypeAlias = Callable[[Any], Awaitable[_Fields]]
@@ -133,7 +136,7 @@ class Rosapi:
         topics = (await graph_of(self._node)).topics
         return {"topics": list(topics), "types": list(topics.values())}
 
-    async def _topics_for_type(self, request: Any) -> _Fields:
+    async def _topics_for_type(self, request: srv.TopicsForType.Request) -> _Fields:
         wanted = message_type_name(request.type)
         topics = (await graph_of(self._node)).topics
         return {"topics": [name for name, type_name in topics.items() if type_name == wanted]}
@@ -144,16 +147,16 @@ class Rosapi:
         found = {"topics": list(topics), "types": list(topics.values())}
         return {**found, "typedefs_full_text": texts}
 
-    async def _topic_type(self, request: Any) -> _Fields:
+    async def _topic_type(self, request: srv.TopicType.Request) -> _Fields:
         topic = self._node.resolve_topic_name(request.topic)
         return {"type": (await graph_of(self._node)).type_of(topic)}
 
-    async def _publishers(self, request: Any) -> _Fields:
+    async def _publishers(self, request: srv.Publishers.Request) -> _Fields:
         topic = self._node.resolve_topic_name(request.topic)
         found = (await graph_of(self._node)).publishers_of(topic)
         return {"publishers": sorted({each.node for each in found})}
 
-    async def _subscribers(self, request: Any) -> _Fields:
+    async def _subscribers(self, request: srv.Subscribers.Request) -> _Fields:
         topic = self._node.resolve_topic_name(request.topic)
         found = (await graph_of(self._node)).subscriptions_of(topic)
         return {"subscribers": sorted({each.node for each in found})}
@@ -168,19 +171,19 @@ class Rosapi:
     async def _services(self, _: Any) -> _Fields:
         return {"services": sorted(await self._service_types())}
 
-    async def _services_for_type(self, request: Any) -> _Fields:
+    async def _services_for_type(self, request: srv.ServicesForType.Request) -> _Fields:
         wanted = service_type_name(request.type)
         types = await self._service_types()
         return {"services": sorted(name for name in types if types[name] == wanted)}
 
-    async def _service_type(self, request: Any) -> _Fields:
+    async def _service_type(self, request: srv.ServiceType.Request) -> _Fields:
         service = self._node.resolve_service_name(request.service)
         return {"type": (await self._service_types()).get(service, "")}
 
-    async def _service_node(self, request: Any) -> _Fields:
+    async def _service_node(self, request: srv.ServiceNode.Request) -> _Fields:
         return {"node": next(iter(await self._providers(request.service)), "")}
 
-    async def _service_providers(self, request: Any) -> _Fields:
+    async def _service_providers(self, request: srv.ServiceProviders.Request) -> _Fields:
         return {"providers": await self._providers(request.service)}
 
     async def _providers(self, name: str) -> list[str]:
@@ -193,7 +196,7 @@ class Rosapi:
     async def _nodes(self, _: Any) -> _Fields:
         return {"nodes": sorted((await graph_of(self._node)).nodes)}
 
-    async def _node_details(self, request: Any) -> _Fields:
+    async def _node_details(self, request: srv.NodeDetails.Request) -> _Fields:
         node = f"/{request.node.removeprefix('/')}"
         graph = await graph_of(self._node)
         endpoints: dict[str, list[Any]] = {
@@ -220,13 +223,13 @@ class Rosapi:
             self._listed = now, names
         return {"interfaces": self._listed[1]}
 
-    async def _message_details(self, request: Any) -> _Fields:
+    async def _message_details(self, request: srv.MessageDetails.Request) -> _Fields:
         return {"typedefs": list(_type_definitions(message_class(request.type)))}
 
-    async def _request_details(self, request: Any) -> _Fields:
+    async def _request_details(self, request: srv.ServiceRequestDetails.Request) -> _Fields:
         return {"typedefs": list(_type_definitions((await self._service(request.type)).Request))}
 
-    async def _response_details(self, request: Any) -> _Fields:
+    async def _response_details(self, request: srv.ServiceResponseDetails.Request) -> _Fields:
         return {"typedefs": list(_type_definitions((await self._service(request.type)).Response))}
 
     async def _service(self, text: str) -> Any:
@@ -243,7 +246,7 @@ class Rosapi:
 
     # Parameters
 
-    async def _get_param(self, request: Any) -> _Fields:
+    async def _get_param(self, request: srv.GetParam.Request) -> _Fields:
         try:
             value = await self._parameter(request.name)
         except (TaskRpcError, srvgen.FieldError) as error:
@@ -253,14 +256,14 @@ class Rosapi:
             return {"value": request.default_value, "successful": False, "reason": problem}
         return {"value": json.dumps(value[_FIELDS[value["type"]]]), "successful": True}
 
-    async def _has_param(self, request: Any) -> _Fields:
+    async def _has_param(self, request: srv.HasParam.Request) -> _Fields:
         try:
             value = await self._parameter(request.name)
         except (TaskRpcError, srvgen.FieldError):
             return {"exists": False}
         return {"exists": value["type"] != _NOT_SET}
 
-    async def _set_param(self, request: Any) -> _Fields:
+    async def _set_param(self, request: srv.SetParam.Request) -> _Fields:
         try:
             value = json.loads(request.value)
         except (ValueError, RecursionError):
@@ -271,7 +274,7 @@ class Rosapi:
         except (TaskRpcError, srvgen.FieldError) as error:
             return {"successful": False, "reason": str(error)}
 
-    async def _delete_param(self, request: Any) -> _Fields:
+    async def _delete_param(self, request: srv.DeleteParam.Request) -> _Fields:
         try:
             return await self._set(request.name, {"type": _NOT_SET})
         except (TaskRpcError, srvgen.FieldError) as error:

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Final
 
 import srvgen
 from taskrpc.cli.shared.command import NotFound, hinted
+from taskrpc.message_types import RequestT, ResponseT, Srv
 from taskrpc.node import Node
 from taskrpc.spi import RegistryEntry, names
 
+if TYPE_CHECKING:
+    from srvgen.stubs.lifecycle_msgs.msg import State, Transition, TransitionDescription
+
 _STATE = "/get_state"
-_STATE_TYPE = "lifecycle_msgs/srv/GetState"
+_STATE_TYPE: Final = "lifecycle_msgs/srv/GetState"
 
 
 class LifecycleServices:
@@ -26,26 +30,31 @@ class LifecycleServices:
         self._owner = owner
         self._timeout = timeout
 
-    async def state(self) -> Any:
+    async def state(self) -> State:
         """Return the current state, as a State message."""
-        return (await self._call("GetState", "get_state")).current_state
+        srv_type = srvgen.load(_STATE_TYPE)
+        response = await self._call(srv_type, "get_state", srv_type.Request())
+        return response.current_state
 
-    async def transitions(self, *, possible_now: bool) -> list[Any]:
+    async def transitions(self, *, possible_now: bool) -> list[TransitionDescription]:
         """Return the possible transitions, or all, as TransitionDescription messages."""
         verb = "get_available_transitions" if possible_now else "get_transition_graph"
-        response = await self._call("GetAvailableTransitions", verb)
+        srv_type = srvgen.load("lifecycle_msgs/srv/GetAvailableTransitions")
+        response = await self._call(srv_type, verb, srv_type.Request())
         return list(response.available_transitions)
 
-    async def change(self, transition: Any) -> bool:
+    async def change(self, transition: Transition) -> bool:
         """Make a transition; returns whether its callback succeeded."""
-        response = await self._call("ChangeState", "change_state", transition=transition)
-        return bool(response.success)
+        srv_type = srvgen.load("lifecycle_msgs/srv/ChangeState")
+        request = srv_type.Request(transition=transition)
+        return (await self._call(srv_type, "change_state", request)).success
 
-    async def _call(self, type_name: str, verb: str, **fields: Any) -> Any:
-        srv_type = srvgen.load(f"lifecycle_msgs/srv/{type_name}")
+    async def _call(
+        self, srv_type: type[Srv[RequestT, ResponseT]], verb: str, request: RequestT
+    ) -> ResponseT:
         client = self._node.create_client(srv_type, f"{self._owner}/{verb}", timeout=self._timeout)
         try:
-            return await client.call(srv_type.Request(**fields))
+            return await client.call(request)
         finally:
             client.destroy()
 

@@ -15,6 +15,14 @@ from taskrpc.cli.shared.remote import add_connect, add_discovery, remote_of
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
+    from srvgen.stubs.rcl_interfaces.msg import (
+        FloatingPointRange,
+        IntegerRange,
+        Parameter,
+        ParameterDescriptor,
+        ParameterValue,
+        SetParametersResult,
+    )
     from taskrpc.cli.param.param_services import ParamServices
     from taskrpc.cli.shared.parsing import Commands
 
@@ -221,7 +229,7 @@ async def _set(options: argparse.Namespace, services: ParamServices) -> Exit:
     return max(codes)
 
 
-def _report(result: Any, done: str, failed: str) -> Exit:
+def _report(result: SetParametersResult, done: str, failed: str) -> Exit:
     """Print whether a change succeeded; returns the exit code."""
     reason = f": {result.reason}" if result.reason else ""
     if result.successful:
@@ -301,27 +309,29 @@ async def _load(options: argparse.Namespace, services: ParamServices) -> Exit:
 # Values
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: ParameterValue) -> Any:
     from .ros_values import parameter_value_to_python
 
     found = parameter_value_to_python(value)
     return list(found) if hasattr(found, "tolist") or isinstance(found, tuple) else found
 
 
-def _message(name: str, value: Any) -> Any:
+def _message(name: str, value: ParameterValue) -> Parameter:
     import srvgen
 
     return srvgen.load("rcl_interfaces/msg/Parameter")(name=name, value=value)
 
 
-def _described(descriptor: Any) -> list[str]:
+def _described(descriptor: ParameterDescriptor) -> list[str]:
     lines = [f"Parameter name: {descriptor.name}", f"  Type: {_NAMES[descriptor.type]}"]
     if descriptor.description:
         lines.append(f"  Description: {descriptor.description}")
     lines.append("  Constraints:")
     if descriptor.read_only:
         lines.append("    Read only: true")
-    for bounds in [*descriptor.floating_point_range, *descriptor.integer_range][:1]:
+    ranges: list[FloatingPointRange | IntegerRange]
+    ranges = [*descriptor.floating_point_range, *descriptor.integer_range]
+    for bounds in ranges[:1]:
         lines += [f"    Min value: {bounds.from_value}", f"    Max value: {bounds.to_value}"]
         if bounds.step:
             lines.append(f"    Step: {bounds.step}")

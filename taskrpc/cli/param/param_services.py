@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING
 
 import srvgen
 from taskrpc.cli.shared.command import NotFound, hinted
+from taskrpc.message_types import RequestT, ResponseT, Srv
 from taskrpc.node import Node
 from taskrpc.spi import RegistryEntry, names
+
+if TYPE_CHECKING:
+    from srvgen.stubs.rcl_interfaces.msg import (
+        Parameter,
+        ParameterDescriptor,
+        ParameterValue,
+        SetParametersResult,
+    )
 
 
 class ParamServices:
@@ -21,36 +30,45 @@ class ParamServices:
 
     async def names(self, prefixes: Iterable[str] = ()) -> list[str]:
         """Return the names of all parameters, or of those below the prefixes, sorted."""
-        response = await self._call("ListParameters", "list_parameters", prefixes=list(prefixes))
+        srv_type = srvgen.load("rcl_interfaces/srv/ListParameters")
+        request = srv_type.Request(prefixes=list(prefixes))
+        response = await self._call(srv_type, "list_parameters", request)
         return sorted(response.result.names)
 
-    async def values(self, names: list[str]) -> list[Any]:
+    async def values(self, names: list[str]) -> list[ParameterValue]:
         """Return the values of parameters, as ParameterValue messages."""
-        response = await self._call("GetParameters", "get_parameters", names=names)
+        srv_type = srvgen.load("rcl_interfaces/srv/GetParameters")
+        request = srv_type.Request(names=names)
+        response = await self._call(srv_type, "get_parameters", request)
         return list(response.values)
 
-    async def descriptors(self, names: list[str]) -> list[Any]:
+    async def descriptors(self, names: list[str]) -> list[ParameterDescriptor]:
         """Return the descriptions of parameters, as ParameterDescriptor messages."""
-        response = await self._call("DescribeParameters", "describe_parameters", names=names)
+        srv_type = srvgen.load("rcl_interfaces/srv/DescribeParameters")
+        request = srv_type.Request(names=names)
+        response = await self._call(srv_type, "describe_parameters", request)
         return list(response.descriptors)
 
-    async def set(self, parameters: list[Any]) -> list[Any]:
+    async def set(self, parameters: list[Parameter]) -> list[SetParametersResult]:
         """Set parameters one by one; returns SetParametersResult messages."""
-        response = await self._call("SetParameters", "set_parameters", parameters=parameters)
+        srv_type = srvgen.load("rcl_interfaces/srv/SetParameters")
+        request = srv_type.Request(parameters=parameters)
+        response = await self._call(srv_type, "set_parameters", request)
         return list(response.results)
 
-    async def set_together(self, parameters: list[Any]) -> Any:
+    async def set_together(self, parameters: list[Parameter]) -> SetParametersResult:
         """Set all parameters or none; returns a SetParametersResult message."""
-        response = await self._call(
-            "SetParametersAtomically", "set_parameters_atomically", parameters=parameters
-        )
+        srv_type = srvgen.load("rcl_interfaces/srv/SetParametersAtomically")
+        request = srv_type.Request(parameters=parameters)
+        response = await self._call(srv_type, "set_parameters_atomically", request)
         return response.result
 
-    async def _call(self, type_name: str, verb: str, **fields: Any) -> Any:
-        srv_type = srvgen.load(f"rcl_interfaces/srv/{type_name}")
+    async def _call(
+        self, srv_type: type[Srv[RequestT, ResponseT]], verb: str, request: RequestT
+    ) -> ResponseT:
         client = self._node.create_client(srv_type, f"{self._owner}/{verb}", timeout=self._timeout)
         try:
-            return await client.call(srv_type.Request(**fields))
+            return await client.call(request)
         finally:
             client.destroy()
 

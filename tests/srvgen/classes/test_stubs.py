@@ -14,6 +14,7 @@ import srvgen
 from srvgen.classes.stubs import packages_with_dependencies, stubs
 from srvgen.files.search import BUNDLED, Search
 from tests.srvgen.sample_definitions import put
+from tests.types.bundled_stubs import committed, expected
 
 
 @pytest.fixture(autouse=True)
@@ -133,6 +134,13 @@ def test_stub_of_srvgen_exports_every_public_name():
     text = stubs({})["srvgen/__init__.pyi"]
     for name in set(srvgen.__all__) - {"load"}:
         assert f"import {name} as {name}\n" in text
+
+
+def test_committed_stubs_are_those_that_srvgen_writes():
+    # If this fails: python -m tests.types.bundled_stubs
+    wanted, found = expected(), committed()
+    assert sorted(found) == sorted(wanted)
+    assert [path for path, text in wanted.items() if found[path] != text] == []
 
 
 @pytest.mark.types
