@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from taskrpc.cli.task.view import aligned, change, instant
 from taskrpc.observe.texts import work_of
@@ -15,8 +16,7 @@ _LEAST = 0.01  # robot seconds: a smaller difference never counts
 _NAMED = 0.3  # robot seconds: smaller changes get no line
 
 
-@dataclass(frozen=True, slots=True)
-class EstimateCheck:
+class EstimateCheck(msgspec.Struct, frozen=True):
     """One task's estimate and actual time, in robot seconds from its acceptance to its end."""
 
     task: Any

@@ -8,9 +8,10 @@ import platform as machine
 import sys
 import tempfile
 from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+import msgspec
 
 import srvgen
 from taskrpc.cli.shared.processes import Process
@@ -34,8 +35,7 @@ from taskrpc.spi import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(msgspec.Struct, frozen=True):
     """One line of the doctor's report."""
 
     state: str

@@ -6,7 +6,8 @@ import argparse
 import asyncio
 import json
 from collections.abc import AsyncIterator
-from dataclasses import asdict
+
+from msgspec.structs import asdict
 
 from taskrpc.cli.doctor import checks, middlewares, probe
 from taskrpc.cli.doctor.checks import Finding, problem

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from taskrpc.course.scenes.moments import NETWORK, PROGRAM, ROBOT, TASKRPC, Moment
 from taskrpc.course.scenes.scene import Line, Scene
@@ -24,8 +25,7 @@ _BOLD, _DIM, _MARKED = "1", "2", "1;33"
 _COLOURS = {PROGRAM: "36", NETWORK: "35", ROBOT: "32", TASKRPC: "33"}
 
 
-@dataclass(frozen=True)
-class Screen:
+class Screen(msgspec.Struct, frozen=True):
     """Lays out the parts of a scene as lines.
 
     Attributes:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import AbstractAsyncContextManager
-from dataclasses import dataclass, replace
+
+import msgspec
 
 from taskrpc.course.labs.lab import Check, Lab, NeedsCheck, NotMet
 from taskrpc.course.labs.trial import Program, Trial
@@ -17,8 +18,7 @@ NewTrial = Callable[[], AbstractAsyncContextManager[Trial]]
 """Makes the trial of one check: a fresh node, and programs that end with it."""
 
 
-@dataclass(frozen=True)
-class Finding:
+class Finding(msgspec.Struct, frozen=True):
     """What a check found.
 
     Attributes:
@@ -62,7 +62,7 @@ async def findings(
         else:
             finding = await _run(check, new_trial)
             if finding.problem is not None and again():
-                finding = replace(await _run(check, new_trial), runs=2)
+                finding = msgspec.structs.replace(await _run(check, new_trial), runs=2)
         if not finding.passed:
             failed.add(check.title)
         yield finding

@@ -17,9 +17,10 @@ import time
 import zipfile
 import zlib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import BinaryIO
+
+import msgspec
 
 from taskrpc.course.labs.starter import RECORD, read_record
 from taskrpc.errors import TaskRpcError
@@ -37,14 +38,13 @@ _PAUSE = 0.05
 """Seconds between two attempts to remove a folder."""
 
 
-@dataclass
-class _Copy:
+class _Copy(msgspec.Struct):
     """A copy in the making."""
 
     target: Path
     size: int = 0
     count: int = 0
-    left_out: list[str] = field(default_factory=list)
+    left_out: list[str] = []
 
     def add(self, parts: tuple[str, ...], data: BinaryIO) -> None:
         """Copy one file. Raises TaskRpcError if the submission becomes too large."""

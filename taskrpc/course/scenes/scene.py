@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import textwrap
-from dataclasses import dataclass
 from enum import Enum
 from typing import NamedTuple
+
+import msgspec
 
 
 class Hang(Enum):
@@ -26,8 +27,7 @@ class Line(NamedTuple):
     """Whether the class should look at this line."""
 
 
-@dataclass(frozen=True)
-class Excerpt:
+class Excerpt(msgspec.Struct, frozen=True):
     """Which lines of a program are shown.
 
     Attributes:
@@ -59,8 +59,7 @@ def _index(texts: list[str], part: str) -> int:
     return found[0]
 
 
-@dataclass(frozen=True)
-class Scene:
+class Scene(msgspec.Struct, frozen=True):
     """A scene of a lecture.
 
     Attributes:

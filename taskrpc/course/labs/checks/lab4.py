@@ -6,9 +6,10 @@ import asyncio
 import contextlib
 import re
 from collections.abc import AsyncIterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 import srvgen
 from taskrpc.course.labs.checks.common import ended, expect_spun
@@ -27,8 +28,7 @@ _MEASUREMENTS = 2
 """How often the waits are measured: a busy machine can spoil a measurement."""
 
 
-@dataclass(frozen=True)
-class Retry:
+class Retry(msgspec.Struct, frozen=True):
     """The numbers of a variant: attempts, the timeout of each, the first wait."""
 
     attempts: int

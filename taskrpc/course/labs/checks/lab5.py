@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
+
+import msgspec
 
 import srvgen
 from taskrpc.client import Client
@@ -37,8 +38,7 @@ _PATIENCE = 30.0
 """Seconds on top of those that the tasks take."""
 
 
-@dataclass(frozen=True)
-class Work:
+class Work(msgspec.Struct, frozen=True):
     """The types of tasks of a variant with their seconds, longest first, and the targets."""
 
     types: Sequence[str]
@@ -66,8 +66,7 @@ def _values(variant: Variant) -> Mapping[str, str]:
     return values | {f"TARGET_{n}": target for n, target in enumerate(work.targets, 1)}
 
 
-@dataclass(frozen=True)
-class Accepted:
+class Accepted(msgspec.Struct, frozen=True):
     """A task that the server has accepted, and when the response arrived."""
 
     type: str
