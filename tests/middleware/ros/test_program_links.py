@@ -9,7 +9,7 @@ import pytest
 
 from taskrpc.core.transport.tunnel.handoff import Handoff
 from taskrpc.middleware.ros import bytes_message
-from taskrpc.middleware.ros.program_links import ProgramLinks, id_of_node, place_of
+from taskrpc.middleware.ros.program_links import ProgramLinks, id_of_node, address_of
 from tests.middleware.ros.fake_ros import Ros
 
 A, B = "a" * 16, "b" * 16
@@ -24,11 +24,11 @@ class Events:
     def received(self, datagram):
         self.got.append(("received", datagram))
 
-    def program_seen(self, place, entry):
-        self.got.append(("seen", place, entry))
+    def program_seen(self, address, entry):
+        self.got.append(("seen", address, entry))
 
-    def program_gone(self, place):
-        self.got.append(("gone", place))
+    def program_gone(self, address):
+        self.got.append(("gone", address))
 
 
 @pytest.fixture
@@ -66,22 +66,22 @@ def test_only_hidden_nodes_of_programs_have_an_id(name, found):
 
 
 async def test_each_program_sees_the_entry_of_the_other(pair):
-    assert pair.a.events.got == [("seen", place_of(B), b"entry of b")]
-    assert pair.b.events.got == [("seen", place_of(A), b"entry of a")]
+    assert pair.a.events.got == [("seen", address_of(B), b"entry of b")]
+    assert pair.b.events.got == [("seen", address_of(A), b"entry of a")]
     assert pair.a.links.awaited == []
 
 
 async def test_datagrams_arrive_in_order(pair):
     pair.b.events.got.clear()
     for number in range(5):
-        pair.a.links.send(place_of(B), bytes([number]))
+        pair.a.links.send(address_of(B), bytes([number]))
     await asyncio.sleep(0)
     assert pair.b.events.got == [("received", bytes([number])) for number in range(5)]
 
 
-async def test_datagram_to_the_own_place_arrives(pair):
+async def test_datagram_to_the_own_address_arrives(pair):
     pair.a.events.got.clear()
-    pair.a.links.send(place_of(A), b"to myself")
+    pair.a.links.send(address_of(A), b"to myself")
     await asyncio.sleep(0)
     assert pair.a.events.got == [("received", b"to myself")]
 
@@ -90,8 +90,8 @@ async def test_datagrams_wait_until_dds_has_connected_the_programs(pair):
     inbox = pair.ros.topics[f"/_taskrpc/inbox_{B}"]
     (reader,) = inbox
     inbox.clear()
-    pair.a.links.send(place_of(B), b"one")
-    pair.a.links.send(place_of(B), b"two")
+    pair.a.links.send(address_of(B), b"one")
+    pair.a.links.send(address_of(B), b"two")
     pair.b.events.got.clear()
     inbox.append(reader)
     (sender,) = [each for each in inbox if each.callback is None]
@@ -101,7 +101,7 @@ async def test_datagrams_wait_until_dds_has_connected_the_programs(pair):
     assert pair.b.events.got == [("received", b"one"), ("received", b"two")]
 
 
-async def test_datagram_to_an_unknown_place_is_dropped(pair):
+async def test_datagram_to_an_unknown_address_is_dropped(pair):
     pair.a.links.send("ros/unknown", b"x")
     await asyncio.sleep(0)
 
@@ -110,7 +110,7 @@ async def test_response_waits_until_the_graph_shows_the_program_that_asked(pair)
     # DDS may deliver a program's first datagram before it shows the program's node.
     other = "c" * 16
     for text in (b"one", b"two"):
-        pair.a.links.send(place_of(other), text)
+        pair.a.links.send(address_of(other), text)
     node, events = pair.ros.new_node(f"_taskrpc_{other}"), Events()
     late = ProgramLinks(pair.ros, object, Handoff(asyncio.get_running_loop()))
     late.open(node, other, events)
@@ -127,16 +127,16 @@ async def test_datagrams_for_programs_that_never_appear_are_bounded(pair):
 
 async def test_program_that_leaves_the_graph_is_gone(pair):
     pair.a.links.look([pair.a.node.name])
-    assert pair.a.events.got[-1] == ("gone", place_of(B))
+    assert pair.a.events.got[-1] == ("gone", address_of(B))
 
 
 async def test_silent_program_is_gone_and_may_come_back(pair):
     alive(pair.a, False)
     await asyncio.sleep(0)
-    assert pair.a.events.got[-1] == ("gone", place_of(B))
+    assert pair.a.events.got[-1] == ("gone", address_of(B))
     alive(pair.a, True)
     await asyncio.sleep(0)
-    assert pair.a.events.got[-1] == ("seen", place_of(B), b"entry of b")
+    assert pair.a.events.got[-1] == ("seen", address_of(B), b"entry of b")
 
 
 async def test_silent_program_that_then_leaves_is_reported_once(pair):
@@ -154,14 +154,14 @@ async def test_message_of_another_kind_is_reported_as_garbage(pair):
 
 
 async def test_full_queue_of_dds_loses_the_datagram_with_a_warning(pair, caplog):
-    pair.a.links.send(place_of(B), b"connects")
+    pair.a.links.send(address_of(B), b"connects")
     (sender,) = [e for e in pair.ros.topics[f"/_taskrpc/inbox_{B}"] if e.callback is None]
 
     def full(_):
         raise RuntimeError("out of resources")
 
     sender.publish = full
-    pair.a.links.send(place_of(B), b"lost")
+    pair.a.links.send(address_of(B), b"lost")
     assert "out of resources" in caplog.text
 
 
