@@ -9,7 +9,7 @@ import pytest
 
 from taskrpc.core.transport.tunnel.handoff import Handoff
 from taskrpc.middleware.ros import bytes_message
-from taskrpc.middleware.ros.program_links import ProgramLinks, id_of_node, address_of
+from taskrpc.middleware.ros.program_links import ProgramLinks, address_of, id_of_node
 from tests.middleware.ros.fake_ros import Ros
 
 A, B = "a" * 16, "b" * 16
