@@ -28,7 +28,7 @@ REQUEST_FIELDS = {
     "taskrpc/robot/fleet/server.py": "request.priority",
     "taskrpc/robot/tasks/action.py": "goal.target",
     "taskrpc/cli/task/task_services.py": "request.revision",
-    "taskrpc/course/labs/checks/lab1.py": "request.a",
+    "taskrpc/ros/packages/rclpy/parameter_service.py": "request.depth",
     "taskrpc/course/labs/checks/lab3.py": "request.b",
     "taskrpc/ros/turtlesim/node.py": "request.theta",
     "taskrpc/ros/packages/tf2_ros/buffer_server.py": "request.target_frame",

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import srvgen
 
 from . import logging
 from ._impl.node_interface import NodeInterface
+
+if TYPE_CHECKING:
+    from srvgen.stubs.rcl_interfaces import srv
 
 
 class LoggingService:
@@ -22,14 +25,18 @@ class LoggingService:
         self._Level = srvgen.load("rcl_interfaces/msg/LoggerLevel")
         self._Result = srvgen.load("rcl_interfaces/msg/SetLoggerLevelsResult")
 
-    def _get_logger_levels(self, request: Any, response: Any) -> Any:
+    def _get_logger_levels(
+        self, request: srv.GetLoggerLevels.Request, response: srv.GetLoggerLevels.Response
+    ) -> srv.GetLoggerLevels.Response:
         response.levels = [
             self._Level(name=name, level=int(logging.get_logger_level(name)))
             for name in request.names
         ]
         return response
 
-    def _set_logger_levels(self, request: Any, response: Any) -> Any:
+    def _set_logger_levels(
+        self, request: srv.SetLoggerLevels.Request, response: srv.SetLoggerLevels.Response
+    ) -> srv.SetLoggerLevels.Response:
         response.results = [self._set(wanted) for wanted in request.levels]
         return response
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import srvgen
 
@@ -12,6 +12,9 @@ from ._impl.node_interface import NodeInterface
 from .exceptions import ParameterNotDeclaredException, ParameterUninitializedException
 from .parameter import Parameter
 from .qos import qos_profile_parameters
+
+if TYPE_CHECKING:
+    from srvgen.stubs.rcl_interfaces import srv
 
 ListParametersResult = srvgen.load("rcl_interfaces/msg/ListParametersResult")
 SetParametersResult = srvgen.load("rcl_interfaces/msg/SetParametersResult")
@@ -51,14 +54,18 @@ class ParameterService:
                 qos_profile=qos_profile_parameters,
             )
 
-    def _describe_parameters_callback(self, request: Any, response: Any) -> Any:
+    def _describe_parameters_callback(
+        self, request: srv.DescribeParameters.Request, response: srv.DescribeParameters.Response
+    ) -> srv.DescribeParameters.Response:
         try:
             response.descriptors = self._get_node().describe_parameters(request.names)
         except ParameterNotDeclaredException:
             response.descriptors = []
         return response
 
-    def _get_parameters_callback(self, request: Any, response: Any) -> Any:
+    def _get_parameters_callback(
+        self, request: srv.GetParameters.Request, response: srv.GetParameters.Response
+    ) -> srv.GetParameters.Response:
         try:
             found = self._get_node().get_parameters(request.names)
         except (ParameterNotDeclaredException, ParameterUninitializedException):
@@ -66,7 +73,9 @@ class ParameterService:
         response.values = [parameter.get_parameter_value() for parameter in found]
         return response
 
-    def _get_parameter_types_callback(self, request: Any, response: Any) -> Any:
+    def _get_parameter_types_callback(
+        self, request: srv.GetParameterTypes.Request, response: srv.GetParameterTypes.Response
+    ) -> srv.GetParameterTypes.Response:
         try:
             found = self._get_node().get_parameter_types(request.names)
         except ParameterNotDeclaredException:
@@ -74,7 +83,9 @@ class ParameterService:
         response.types = [Parameter.Type(kind).value for kind in found]
         return response
 
-    def _list_parameters_callback(self, request: Any, response: Any) -> Any:
+    def _list_parameters_callback(
+        self, request: srv.ListParameters.Request, response: srv.ListParameters.Response
+    ) -> srv.ListParameters.Response:
         try:
             response.result = self._get_node().list_parameters(
                 list(request.prefixes), request.depth
@@ -83,11 +94,17 @@ class ParameterService:
             response.result = ListParametersResult()
         return response
 
-    def _set_parameters_callback(self, request: Any, response: Any) -> Any:
+    def _set_parameters_callback(
+        self, request: srv.SetParameters.Request, response: srv.SetParameters.Response
+    ) -> srv.SetParameters.Response:
         response.results = [self._set([parameter]) for parameter in request.parameters]
         return response
 
-    def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
+    def _set_parameters_atomically_callback(
+        self,
+        request: srv.SetParametersAtomically.Request,
+        response: srv.SetParametersAtomically.Response,
+    ) -> srv.SetParametersAtomically.Response:
         response.result = self._set(request.parameters)
         return response
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import weakref
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
 import srvgen
 from srvgen.classes.loader import search
@@ -12,10 +12,13 @@ from srvgen.typehash import type_description
 from ._impl.node_interface import NodeInterface
 from .qos import qos_profile_services_default
 
+if TYPE_CHECKING:
+    from srvgen.stubs.type_description_interfaces.srv import GetTypeDescription
+
 START_TYPE_DESCRIPTION_SERVICE_PARAM = "start_type_description_service"
 """The parameter that disables the service when it is false at the start."""
 
-_TYPE = "type_description_interfaces/srv/GetTypeDescription"
+_TYPE: Final = "type_description_interfaces/srv/GetTypeDescription"
 
 
 class TypeDescriptionService:
@@ -40,7 +43,9 @@ class TypeDescriptionService:
                 qos_profile=qos_profile_services_default,
             )
 
-    def _answer(self, request: Any, response: Any) -> Any:
+    def _answer(
+        self, request: GetTypeDescription.Request, response: GetTypeDescription.Response
+    ) -> GetTypeDescription.Response:
         try:
             known = srvgen.load(request.type_name)
         except (srvgen.DefinitionError, ValueError) as error:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, TypedDict, cast
+from typing import TYPE_CHECKING, Any, TypedDict, cast
 
 import srvgen
 
@@ -27,6 +27,9 @@ from ..exceptions import RCLError
 from ..node import Node
 from .managed_entity import ManagedEntity
 from .publisher import LifecyclePublisher
+
+if TYPE_CHECKING:
+    from srvgen.stubs.lifecycle_msgs import srv
 
 _PACKAGE = "lifecycle_msgs"
 _CALLBACKS = {
@@ -252,7 +255,9 @@ class LifecycleNodeMixin(ManagedEntity):
             transitions, "get_transition_graph", self._rclpy_on_get_transition_graph
         )
 
-    def _rclpy_on_change(self, request: Any, response: Any) -> Any:
+    def _rclpy_on_change(
+        self, request: srv.ChangeState.Request, response: srv.ChangeState.Response
+    ) -> srv.ChangeState.Response:
         number = request.transition.id
         if request.transition.label:
             try:
@@ -268,19 +273,31 @@ class LifecycleNodeMixin(ManagedEntity):
             explain.impossible_transition(node_name(self), number, error)
         return response
 
-    def _rclpy_on_get_state(self, request: Any, response: Any) -> Any:
+    def _rclpy_on_get_state(
+        self, request: srv.GetState.Request, response: srv.GetState.Response
+    ) -> srv.GetState.Response:
         response.current_state = _state(self._state_machine.current_state)
         return response
 
-    def _rclpy_on_get_available_states(self, request: Any, response: Any) -> Any:
+    def _rclpy_on_get_available_states(
+        self, request: srv.GetAvailableStates.Request, response: srv.GetAvailableStates.Response
+    ) -> srv.GetAvailableStates.Response:
         response.available_states = [_state(one) for one in self._state_machine.available_states]
         return response
 
-    def _rclpy_on_get_available_transitions(self, request: Any, response: Any) -> Any:
+    def _rclpy_on_get_available_transitions(
+        self,
+        request: srv.GetAvailableTransitions.Request,
+        response: srv.GetAvailableTransitions.Response,
+    ) -> srv.GetAvailableTransitions.Response:
         response.available_transitions = _described(self._state_machine.available_transitions)
         return response
 
-    def _rclpy_on_get_transition_graph(self, request: Any, response: Any) -> Any:
+    def _rclpy_on_get_transition_graph(
+        self,
+        request: srv.GetAvailableTransitions.Request,
+        response: srv.GetAvailableTransitions.Response,
+    ) -> srv.GetAvailableTransitions.Response:
         response.available_transitions = _described(self._state_machine.transition_graph)
         return response
 
