@@ -35,7 +35,7 @@ _NUMPY = "use `cv_bridge` for images, and `sensor_msgs_py.point_cloud2` for poin
 _PYTHON = {
     **dict.fromkeys("launch_testing launch_testing_ros launch_pytest".split(), _TESTS),
     "image_geometry": _CAMERAS,
-    **dict.fromkeys("nav2_common nav2_simple_commander turtlebot4_navigation".split(), _NAV2),
+    **dict.fromkeys("nav2_simple_commander turtlebot4_navigation".split(), _NAV2),
     **dict.fromkeys(
         "launch_param_builder moveit moveit_commander moveit_configs_utils".split(), _MOVEIT
     ),

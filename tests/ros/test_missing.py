@@ -46,7 +46,6 @@ def hooked(tmp_path, monkeypatch):
         ),
         ("image_geometry", "use the camera functions of OpenCV; `cv_bridge` converts the images"),
         ("nav2_simple_commander", "Nav2 runs only on a real ROS 2"),
-        ("nav2_common.launch", "Nav2 runs only on a real ROS 2"),
         ("interactive_markers", "RViz shows its markers, and only a real ROS 2 has RViz"),
         ("rclpy_message_converter", "use `message_to_ordereddict` and `set_message_fields`"),
         ("ros2_numpy", "use `cv_bridge` for images, and `sensor_msgs_py.point_cloud2` for points"),
