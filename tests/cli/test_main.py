@@ -192,7 +192,7 @@ def test_a_command_of_another_package_runs_and_has_help(add_commands, capsys):
 
 
 def test_no_package_replaces_a_command_of_taskrpc(add_commands, capsys):
-    add_commands({"greet_command": GREET}, {"task": "greet_command", "alias": "greet_command"})
+    add_commands({"greet_command": GREET}, {"task": "greet_command", "bag": "greet_command"})
     assert ran(["task", "-h"]) == 0
     assert "Greet" not in capsys.readouterr().out
     assert ran(["--help"]) == 0

@@ -153,7 +153,7 @@ def test_laptop_opens_the_page_of_the_lab_with_its_own_account(strings, laptop):
 def test_mistyped_invitation_is_refused_and_changes_nothing(strings, laptop):
     right = strings["grace"]
     wrong = right[:30] + ("A" if right[30] != "A" else "B") + right[31:]
-    assert "the character at place 31" in laptop.run("taskrpc", "join", wrong, code=1)
+    assert "the character at position 31" in laptop.run("taskrpc", "join", wrong, code=1)
     assert "you have not joined a lab" in laptop.run("taskrpc", "join", "--status", code=1)
 
 

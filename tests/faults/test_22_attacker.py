@@ -13,7 +13,7 @@ import srvgen
 import taskrpc
 from taskrpc import QoS, Role
 from taskrpc.core.security.tls import Tls
-from taskrpc.core.transport.connection import server_side
+from taskrpc.core.transport.connection import routes, server_side
 from taskrpc.core.wire import handshake
 from taskrpc.core.wire.frames import Splitter
 from taskrpc.core.wire.session import Session
@@ -270,8 +270,8 @@ async def test_client_that_ignores_its_refusal_reaches_nothing(counts, files, mo
 
 
 def roles_not_compared(patch):
-    route_to = server_side.route_to
-    patch(server_side, "route_to", lambda *given: route_to(*given[:-1], Role.ADMIN))
+    route_to = routes.route_to
+    patch(routes, "route_to", lambda *given: route_to(*given[:-1], Role.ADMIN))
 
 
 @pytest.mark.planted(Bug(roles_not_compared, "ran"))

@@ -58,6 +58,7 @@ MAY_READ_THE_TIME = {
     "taskrpc/ros/packages/rclpy/": "works in threads, as ROS does",
     "taskrpc/observe/otel.py": "spans have the times of the program's other spans",
     "taskrpc/observe/web/": "pages show the times of this machine",
+    "taskrpc/observe/top/": "the same",
     "taskrpc/course/notebook/": "the same",
     "taskrpc/course/scenes/": "the same",
     "taskrpc/course/browser_lab/": "the same",
