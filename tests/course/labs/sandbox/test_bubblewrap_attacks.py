@@ -258,7 +258,9 @@ async def test_a_submission_cannot_touch_that_of_another_student(place):
     sources = sorted((place / "all").iterdir())
     found = {
         each.student: each
-        async for each in grade_all(sources, lambda source: Request(str(source), confined=True), 2)
+        async for _, each in grade_all(
+            sources, lambda source: Request(str(source), confined=True), 2
+        )
     }
     assert sorted(each.name for each in (place / "all" / "bob").iterdir()) == before
     assert (found["bob"].points, found["bob"].stopped) == (10, "")
