@@ -228,7 +228,9 @@ class TestProcesses:
         found = await grader.grade(Request(str(tmp_path)), "ada")
         assert "it has no taskrpc-lab.json" in found.stopped
         found = await grader.grade(Request(str(tmp_path), lab=1), "ada")
-        assert found.about == About(1, "", found.about.digest)
+        about = found.about
+        assert (about.lab, about.variant, about.notes) == (1, "", ())
+        assert len(about.digest) == len(about.structure) == 64
         assert found.results[0].happened.startswith("it ended with exit code 0")
 
     async def test_a_damaged_record_is_told_without_our_paths(self, tmp_path):
