@@ -4,7 +4,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
-CHECK = $(BIN)/python .ci/run --here
+CHECK = $(BIN)/python .ci/checks.py --here
 
 .PHONY: install check test faults interop labs browser windows types notebooks postgres uvloop \
 	site lint demo pictures slides soak mutants format bench clean
