@@ -12,8 +12,8 @@ import msgspec
 import srvgen
 from taskrpc import GoalState
 from taskrpc.cli.action.action_graph import action_type, actions
-from taskrpc.cli.service.calling import without_nan
 from taskrpc.cli.shared import graph, quoting
+from taskrpc.cli.shared.calling import without_nan
 from taskrpc.cli.shared.command import Exit, hinted
 from taskrpc.cli.shared.remote import HERE, Remote
 from taskrpc.cli.shared.values import as_typed, build_request

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import srvgen
 from taskrpc.cli.shared import definitions, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, standard_input, tune_for_long_run
+from taskrpc.cli.shared.messages import Template, documents
 from taskrpc.cli.shared.remote import remote_of
 from taskrpc.cli.shared.values import as_typed
-from taskrpc.cli.topic.messages import Template, documents
 from taskrpc.cli.topic.qos_options import qos_to_publish
 from taskrpc.cli.topic.topic_graph import message_type_name
 

@@ -10,7 +10,7 @@ import time
 import pytest
 
 import srvgen
-from taskrpc.cli.topic.messages import Template, documents
+from taskrpc.cli.shared.messages import Template, documents
 from taskrpc.errors import TaskRpcError
 from taskrpc.ros.message_text import Cut, csv_of, plain, yaml_of
 from tests.cli.topic.conftest import Pose, String, real_time

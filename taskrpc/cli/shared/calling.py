@@ -205,7 +205,7 @@ def _requests(cls: Any, values: Sequence[str]) -> Callable[[], Any]:
     if not any(word in value for value in values for word in ("auto", "now")):
         request = build_request(cls, values)
         return lambda: request
-    from taskrpc.cli.topic.messages import Template  # few requests need the time
+    from taskrpc.cli.shared.messages import Template  # few requests need the time
 
     return Template(cls, values).message
 

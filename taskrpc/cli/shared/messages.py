@@ -1,4 +1,4 @@
-"""The messages of `taskrpc topic pub`; their time stamps may be the time of sending."""
+"""Messages and requests from a command line whose time stamps may be the time of sending."""
 
 from __future__ import annotations
 

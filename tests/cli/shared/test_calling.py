@@ -12,7 +12,7 @@ import srvgen
 import taskrpc
 from srvgen.files.search import Search
 from taskrpc.cli.call import configure
-from taskrpc.cli.service.calling import Plan, perform
+from taskrpc.cli.shared.calling import Plan, perform
 from taskrpc.cli.shared.command import Exit, exit_code
 from taskrpc.cli.shared.parsing import Parser
 from taskrpc.cli.shared.remote import Remote
