@@ -1,6 +1,6 @@
 """The `taskrpc` command: imports the module of the command that is used, and runs it.
 
-The module of a command has a function
+The module of a command, which `_MODULES` names, has a function
 
     def configure(parser: argparse.ArgumentParser) -> None
 
