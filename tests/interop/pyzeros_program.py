@@ -17,10 +17,19 @@ def say(value):
     print(json.dumps(value), flush=True)
 
 
+async def ready(received):
+    """Yield what arrives; say "ready" when pyzeros takes it: what came before would be dropped."""
+    first = asyncio.ensure_future(anext(received))
+    await asyncio.sleep(0)  # the listener starts
+    say("ready")
+    yield await first
+    async for each in received:
+        yield each
+
+
 async def serve(name):
     server = pyzeros.Server(SetBool, name)
-    say("ready")
-    async for responder in server.listen_reliable():
+    async for responder in ready(server.listen_reliable()):
         responder.response.success = responder.request.data
         responder.response.message = "from pyzeros"
         responder.send()
@@ -43,8 +52,7 @@ async def publish(name):
 
 async def listen(name):
     subscriber = pyzeros.Sub(String, name)
-    say("ready")
-    async for message in subscriber.listen_reliable():
+    async for message in ready(subscriber.listen_reliable()):
         say(message.data)
 
 
