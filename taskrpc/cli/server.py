@@ -155,10 +155,10 @@ def _namespace(text: str) -> str:
 
 def _fault(spec: str) -> str:
     """Return a valid specification of a fault. Raises argparse's ArgumentTypeError."""
-    from taskrpc.testing.fault_specs import parse_fault  # few servers inject faults
+    from taskrpc.testing import CallFaults  # few servers inject faults
 
     try:
-        parse_fault(spec)
+        CallFaults(spec)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
     return spec

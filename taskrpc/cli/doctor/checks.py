@@ -16,7 +16,6 @@ import msgspec
 import srvgen
 from taskrpc.cli.shared.processes import Process
 from taskrpc.cli.shared.remote import HERE, LISTING_TIMEOUT, Remote, called_lab
-from taskrpc.core.names import is_hidden
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
 from taskrpc.spi import (
@@ -29,6 +28,7 @@ from taskrpc.spi import (
     folders,
     is_unix,
     keepalive_of,
+    names,
     private_files,
     process_state,
     suggestions,
@@ -158,7 +158,7 @@ def _nothing_offered() -> Finding:
 
 async def in_place_of_the_lab(lab: Remote) -> AsyncIterator[Finding]:
     """Note the programs of this machine that take the calls of services of the joined lab."""
-    offered = {each.name for each in await _services(lab) if not is_hidden(each.name)}
+    offered = {each.name for each in await _services(lab) if not names.is_hidden(each.name)}
     for entry in suggestions.domains().get(domain_id(), []):
         if taken := [name for name in suggestions.services([entry]) if name in offered]:
             more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""
@@ -249,11 +249,11 @@ _HEALTH_TYPE = "std_srvs/srv/Trigger"
 async def check_health(remote: Remote) -> AsyncIterator[Finding]:
     """Call the health services of this machine, or of HOST:PORT; nothing if none responds."""
     try:
-        names = _health_services(await _services(remote))
+        services = _health_services(await _services(remote))
     except TaskRpcError:
         return  # an earlier check has reported the reason
     async with remote.node() as node:
-        for finding in await asyncio.gather(*(_health_of(node, name) for name in names)):
+        for finding in await asyncio.gather(*(_health_of(node, name) for name in services)):
             if finding is not None:
                 yield finding
 
