@@ -14,8 +14,6 @@ import msgspec
 from aiohttp import HttpVersion11, web
 
 from taskrpc import Tls
-from taskrpc.core.transport.connection.connection import shown
-from taskrpc.core.transport.tcp.tcp_network import bound
 from taskrpc.errors import CannotListen
 from taskrpc.observe.web.control import MAX_BODY
 from taskrpc.observe.web.guard import Access, Guard, Head, own_names
@@ -31,6 +29,7 @@ from taskrpc.spi import (
     ThrottledLog,
     is_loopback,
     join_address,
+    listening_socket,
     split_address,
 )
 
@@ -176,7 +175,7 @@ class WebServer:
 
     async def start(self) -> None:
         """Listen. Raises CannotListen."""
-        sock = bound(self._host, self._port)
+        sock = listening_socket(self._host, self._port)
         port = sock.getsockname()[1]
         names = own_names(self._host, port, machine=socket.gethostname())
         names += [join_address(name, port) for name in self._names]
@@ -530,6 +529,7 @@ class _Connection(web.RequestHandler):
             super().log_exception(*args, **options)
 
     def _refused(self, problem: BaseException | None) -> None:
-        now, peer = asyncio.get_running_loop().time(), shown(self.peername)
+        now = asyncio.get_running_loop().time()
+        peer = join_address(*self.peername[:2]) if self.peername else "a client"
         text = "refused a request from %s: it is not valid HTTP (%s)"
         self._malformed.warning(now, text, peer, type(problem).__name__)
