@@ -29,6 +29,7 @@ from taskrpc.spi import (
     is_unix,
     keepalive_of,
     names,
+    path_of,
     private_files,
     process_state,
     suggestions,
@@ -182,9 +183,14 @@ def _silent(entry: RegistryEntry, error: TaskRpcError) -> Finding:
     """Return why a program does not respond, although its registry entry shows that it runs."""
     if process_state.is_stopped(entry.pid):
         return problem(
-            f"{_program(entry)} does not answer: it is stopped, as by Ctrl-Z",
+            f"{_program(entry)} does not answer: it {process_state.STOPPED}",
             f"`fg` in its terminal or `kill -CONT {entry.pid}` continues it; `taskrpc stop"
             f" {entry.pid}` ends it",
+        )
+    if is_unix(entry.address) and not os.path.lexists(path := path_of(entry.address)):
+        return problem(
+            f"{_program(entry)} cannot be called: its socket {path} was removed",
+            f"end it with `taskrpc stop {entry.pid}`, and start it again",
         )
     advice = (
         "a callback may block its event loop (its log names the callback), or the program hangs:"
