@@ -24,7 +24,7 @@ from taskrpc.cli import call, main, server
 from taskrpc.cli.shared import parsing
 from taskrpc.core.wire import frames, status
 from taskrpc.robot.tasks.managed_robot import ManagedRobot
-from taskrpc.robot.tasks.server import OfferedTasks
+from taskrpc.robot.tasks.services.offered_tasks import OfferedTasks
 from tests.docs.markdown import Page, read_page
 from tests.docs.stage import Stage
 

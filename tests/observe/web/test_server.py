@@ -22,7 +22,7 @@ from taskrpc.observe.web.server import LivePage, WebServer
 from taskrpc.observe.web.streams import LiveStream
 from taskrpc.observe.web.tokens import Tokens
 from taskrpc.robot.tasks import MemoryStore, TaskServer
-from taskrpc.robot.tasks.server import load_types
+from taskrpc.robot.tasks.services.offered_tasks import load_types
 from tests.observe.metrics.exposition import read
 from tests.observe.web.test_streams import read as read_events
 from tests.robot.tasks.fakes import LineRobot
