@@ -97,7 +97,14 @@ async def measure(url, robots, tasks):
 
 def failover(url):
     """Return the seconds from `kill -9` of a server to its task's INTERRUPTED."""
-    command = [sys.executable, "-m", "taskrpc.cli.server", "--db", url, "--robot-name"]
+    command = [
+        sys.executable,
+        "-m",
+        "taskrpc.cli.robot.server.command_line",
+        "--db",
+        url,
+        "--robot-name",
+    ]
     servers = []
     for name in ("robot_a", "robot_b"):
         server = subprocess.Popen([*command, name], stderr=subprocess.PIPE, text=True)

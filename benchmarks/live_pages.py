@@ -25,7 +25,15 @@ from taskrpc.robot.tasks.services.offered_tasks import load_types
 
 CALLS_A_SECOND = 20
 TARGETS = ("warehouse", "station_1", "area_a", "dock")
-START = [sys.executable, "-m", "taskrpc.cli.server", "--db", ":memory:", "--web", "127.0.0.1:0"]
+START = [
+    sys.executable,
+    "-m",
+    "taskrpc.cli.robot.server.command_line",
+    "--db",
+    ":memory:",
+    "--web",
+    "127.0.0.1:0",
+]
 
 
 class Server:

@@ -29,7 +29,7 @@ def call() -> int:
 def server() -> int:
     """Run `taskrpc-server` with the arguments of this process and return its exit code."""
     process.begin(sigterm_is_success=True)
-    from taskrpc.cli.server import main
+    from taskrpc.cli.robot.server.command_line import main
 
     return main()
 

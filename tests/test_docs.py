@@ -20,7 +20,8 @@ import pytest
 import srvgen.cli.main
 import taskrpc
 from taskrpc import errors
-from taskrpc.cli import call, main, server
+from taskrpc.cli import call, main
+from taskrpc.cli.robot.server import command_line as server
 from taskrpc.cli.shared import parsing
 from taskrpc.core.wire import frames, status
 from taskrpc.robot.tasks.managed_robot import ManagedRobot

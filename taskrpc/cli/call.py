@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
         request = [standard_input()]
     import asyncio
 
-    from taskrpc.cli.service.calling import Plan, perform
+    from taskrpc.cli.shared.calling import Plan, perform
     from taskrpc.cli.shared.remote import remote_of
 
     plan = Plan(

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, NoReturn
 
 from srvgen.cli import completion
-from taskrpc.cli.action.action_graph import actions
+from taskrpc.cli.ros.action.action_graph import actions
+from taskrpc.cli.ros.topic.topic_graph import topics
 from taskrpc.cli.shared import definitions, graph
 from taskrpc.cli.shared.remote import HERE
-from taskrpc.cli.topic.topic_graph import topics
 from taskrpc.spi import names, suggestions
 
 if TYPE_CHECKING:

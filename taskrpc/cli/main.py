@@ -1,6 +1,6 @@
 """The `taskrpc` command: imports the module of the command that is used, and runs it.
 
-The module of a command, `taskrpc.cli.NAME`, has a function
+The module of a command, which `_MODULES` names, has a function
 
     def configure(parser: argparse.ArgumentParser) -> None
 
@@ -89,11 +89,39 @@ _ELSEWHERE = {
 ENTRY_POINTS = "taskrpc.commands"
 """The group of entry points in which other packages list their commands."""
 
-_IN_FOLDERS = frozenset(
-    "action bag bridge classroom demo doctor lab lifecycle param pkg router scene service task"
-    " top topic".split()
-)
-"""Commands of several modules: the module `command_line` of the folder has `configure`."""
+_MODULES = {
+    "action": "taskrpc.cli.ros.action.command_line",
+    "bag": "taskrpc.cli.ros.bag.command_line",
+    "daemon": "taskrpc.cli.ros.daemon",
+    "doctor": "taskrpc.cli.ros.doctor.command_line",
+    "interface": "taskrpc.cli.ros.interface",
+    "launch": "taskrpc.cli.ros.launch",
+    "lifecycle": "taskrpc.cli.ros.lifecycle.command_line",
+    "node": "taskrpc.cli.ros.node",
+    "param": "taskrpc.cli.ros.param.command_line",
+    "pkg": "taskrpc.cli.ros.pkg.command_line",
+    "run": "taskrpc.cli.ros.run",
+    "service": "taskrpc.cli.ros.service.command_line",
+    "topic": "taskrpc.cli.ros.topic.command_line",
+    "demo": "taskrpc.cli.robot.demo.command_line",
+    "task": "taskrpc.cli.robot.task.command_line",
+    "top": "taskrpc.cli.observe.top.command_line",
+    "view": "taskrpc.cli.observe.view.command_line",
+    "classroom": "taskrpc.cli.course.classroom.command_line",
+    "join": "taskrpc.cli.course.join",
+    "lab": "taskrpc.cli.course.lab.command_line",
+    "scene": "taskrpc.cli.course.scene.command_line",
+    "bridge": "taskrpc.cli.network.bridge.command_line",
+    "ps": "taskrpc.cli.network.ps",
+    "router": "taskrpc.cli.network.router.command_line",
+    "stop": "taskrpc.cli.network.stop",
+    "colcon": "taskrpc.cli.workspace.colcon",
+    "export": "taskrpc.cli.workspace.export",
+    "graduate": "taskrpc.cli.workspace.graduate",
+    "ros": "taskrpc.cli.workspace.ros",
+    "shell": "taskrpc.cli.workspace.shell",
+}
+"""The module of each command; a command of several modules has a folder."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -138,17 +166,12 @@ def parser_of(command: str) -> Parser:
     for name, purpose in COMMANDS.items():
         own = add_command(commands, name, purpose)
         if name == command:
-            _module(name).configure(own)
+            import_module(_MODULES[name]).configure(own)
     for name, module in added.items():
         own = add_command(commands, name, _purpose(module))
         if name == command:
             module.configure(own)
     return parser
-
-
-def _module(command: str) -> ModuleType:
-    home = f"{command}.command_line" if command in _IN_FOLDERS else command
-    return import_module(f"taskrpc.cli.{home}")
 
 
 def _added_commands(command: str) -> dict[str, ModuleType]:

@@ -44,8 +44,9 @@ class TaskServer:
         self, folder: Path, *options: str, web: str = "127.0.0.1:0", first: str = ""
     ) -> None:
         self.log = folder / f"server-{time.monotonic_ns()}.log"
-        program = f"{first}; from taskrpc.cli.server import main; raise SystemExit(main())"
-        how = ["-c", program] if first else ["-m", "taskrpc.cli.server"]
+        module = "taskrpc.cli.robot.server.command_line"
+        program = f"{first}; from {module} import main; raise SystemExit(main())"
+        how = ["-c", program] if first else ["-m", module]
         command = [sys.executable, *how, "--web", web, *options]
         if "--db" not in options:
             command += ["--db", ":memory:"]

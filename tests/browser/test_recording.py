@@ -15,7 +15,7 @@ from taskrpc.observe.recording.timeline import Timeline
 from tests.browser.chromium import LAPTOP, PHONE
 from tests.browser.live_page import LivePage, Shown
 from tests.browser.task_server import Services, TaskServer
-from tests.cli.bag.conftest import recording  # noqa: F401 (calls without a task server)
+from tests.cli.ros.bag.conftest import recording  # noqa: F401 (calls without a task server)
 
 _BEGUN = ("RUNNING", "PAUSED", "CANCELING")
 

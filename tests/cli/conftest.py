@@ -11,7 +11,7 @@ import pytest
 
 from taskrpc.cli.main import main
 
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 PROGRAM = """
 import asyncio, srvgen, taskrpc

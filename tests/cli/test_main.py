@@ -10,7 +10,8 @@ from types import ModuleType
 import pytest
 
 import srvgen.cli.main
-from taskrpc.cli import call, main, server
+from taskrpc.cli import call, main
+from taskrpc.cli.robot.server import command_line as server
 from taskrpc.cli.shared import parsing
 from tests.installed import add_package
 
@@ -48,6 +49,13 @@ def _names_read_by(*folders: Path) -> set[str]:
                 elif isinstance(node, ast.Constant) and isinstance(node.value, str):
                     names.add(node.value)
     return names
+
+
+def test_module_or_folder_of_each_command_has_its_name():
+    homes = {name: module.removesuffix(".command_line") for name, module in main._MODULES.items()}
+    assert {name: home.rpartition(".")[2] for name, home in homes.items()} == {
+        name: name for name in main.COMMANDS
+    }
 
 
 def test_no_help_page_shows_an_option_that_does_nothing():

@@ -8,8 +8,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 import srvgen
+from taskrpc.cli.shared.messages import Template
 from taskrpc.cli.shared.values import build_request
-from taskrpc.cli.topic.messages import Template
 from taskrpc.core import yaml_text
 from taskrpc.errors import InvalidRequest
 from taskrpc.robot.document import MapError

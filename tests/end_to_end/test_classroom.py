@@ -187,7 +187,10 @@ def test_unchanged_programs_call_the_lab_in_their_own_namespace(strings, laptop)
     script.write_text(PROGRAM, encoding="utf-8")
     for argv, services in (
         ([sys.executable, str(script)], ["/grace/greet", "/robot_task"]),
-        ([sys.executable, "-m", "taskrpc.cli.server", "--db", ":memory:"], ["/robot_task"]),
+        (
+            [sys.executable, "-m", "taskrpc.cli.robot.server.command_line", "--db", ":memory:"],
+            ["/robot_task"],
+        ),
     ):
         own = subprocess.Popen(
             argv,

@@ -69,7 +69,7 @@ def test_run_of_a_robot_class_of_ones_own_is_recorded(start, tmp_path, capsys):
 
 
 def test_existing_file_is_kept(tmp_path, capsys, monkeypatch):
-    from taskrpc.cli.server import main as server
+    from taskrpc.cli.robot.server.command_line import main as server
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "run.mcap").write_text("precious")

@@ -60,7 +60,7 @@ class TaskServer:
         self.log = folder / f"server-{time.monotonic_ns()}.log"
         with self.log.open("wb") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "taskrpc.cli.server", *map(str, argv)],
+                [sys.executable, "-m", "taskrpc.cli.robot.server.command_line", *map(str, argv)],
                 cwd=folder,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
@@ -148,7 +148,7 @@ def wait_until_running(listed):
 def failing_server(folder, *argv):
     """A server that cannot start: exit code and stderr."""
     ended = subprocess.run(
-        [sys.executable, "-m", "taskrpc.cli.server", *map(str, argv)],
+        [sys.executable, "-m", "taskrpc.cli.robot.server.command_line", *map(str, argv)],
         cwd=folder, capture_output=True, text=True, timeout=PATIENCE, check=False,
     )  # fmt: skip
     assert "Traceback" not in ended.stderr

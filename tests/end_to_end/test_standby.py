@@ -11,7 +11,7 @@ import urllib.request
 import pytest
 
 from taskrpc.cli.main import main
-from taskrpc.cli.server import main as server_main
+from taskrpc.cli.robot.server.command_line import main as server_main
 from taskrpc.core.transport.tcp.tcp_network import listening_socket
 from tests.end_to_end.test_robot_task import READY, TaskServer
 
@@ -106,6 +106,6 @@ def test_one_of_two_standbys_takes_over_and_the_other_waits(start):
 
 def test_standby_reports_a_name_that_stays_in_use(start, tmp_path, monkeypatch):
     first = start()
-    monkeypatch.setattr("taskrpc.cli.server._STANDBY_TIMEOUT", 0.2)
+    monkeypatch.setattr("taskrpc.cli.robot.server.command_line._STANDBY_TIMEOUT", 0.2)
     assert server_main(["--db", str(tmp_path / "other.db"), "--standby"]) == 1
     assert first.process.poll() is None

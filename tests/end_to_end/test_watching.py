@@ -19,7 +19,7 @@ from tests.observe.metrics.exposition import read, values
 pytestmark = pytest.mark.real_time
 
 PATIENCE = 60
-SERVER = [sys.executable, "-m", "taskrpc.cli.server", "--db", ":memory:"]
+SERVER = [sys.executable, "-m", "taskrpc.cli.robot.server.command_line", "--db", ":memory:"]
 
 
 class Watched:

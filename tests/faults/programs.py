@@ -48,7 +48,7 @@ taskrpc.run(main())
 TASK_SERVER = """
 import os, sys
 os.dup2(1, 2)  # what it says of itself is on stderr
-from taskrpc.cli.server import main
+from taskrpc.cli.robot.server.command_line import main
 sys.exit(main(sys.argv[1:]))
 """
 """`taskrpc-server`, whose lines begin with its name."""

@@ -202,7 +202,7 @@ def leaves_files_open(patch):
 
 SERVER = """\
 import sys
-from taskrpc.cli.server import main
+from taskrpc.cli.robot.server.command_line import main
 print("ready", flush=True)
 sys.exit(main(sys.argv[1:]))
 """

@@ -93,7 +93,7 @@ def ports(tmp_path_factory):
         patch.setenv("XDG_STATE_HOME", str(folder / "state"))
         try:
             options = ["--db", ":memory:", "--speed", "100", "--web", "127.0.0.1:0"]
-            command = ["taskrpc.cli.server", *options]
+            command = ["taskrpc.cli.robot.server.command_line", *options]
             server, url = started(command, "/metrics at http")
             processes.append(server)
             bridge = ["taskrpc", "bridge", "rosbridge", "--listen", "127.0.0.1:0"]

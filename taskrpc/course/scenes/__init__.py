@@ -3,5 +3,5 @@
 Start with `catalogue`, which says for each scene what the class sees, why, and the cure. `programs`
 has the programs as a student would write them, for rclpy where that is possible. `stage` offers a
 robot and injects the faults of a scene, `player` runs a program there and reports what happens, and
-`moments` puts what they report into words. Nothing here prints: that is `taskrpc.cli.scene`.
+`moments` puts what they report into words. Nothing here prints: that is `taskrpc.cli.course.scene`.
 """

@@ -130,7 +130,7 @@ def test_command_does_not_import_modules_of_other_commands():
 
 def test_call_does_not_import_robot_tasks_or_rich():
     program = (
-        "import sys; from taskrpc.cli import call; from taskrpc.cli.service import calling;"
+        "import sys; from taskrpc.cli import call; from taskrpc.cli.shared import calling;"
         "print([m for m in sys.modules if m.split('.')[:2] in"
         " (['taskrpc', 'robot'], ['taskrpc', 'tasks'], ['taskrpc', 'sync'])"
         " or m in ('rich', 'sqlite3', 'uvloop', 'importlib.metadata')])"
@@ -145,7 +145,7 @@ def test_a_program_that_only_calls_does_not_import_the_serving_side():
     program = (
         "import sys, asyncio, srvgen, taskrpc\n"
         "from taskrpc.cli import call\n"
-        "from taskrpc.cli.service import calling\n"
+        "from taskrpc.cli.shared import calling\n"
         "async def main():\n"
         "    async with taskrpc.Node('caller') as node:\n"
         "        node.create_client(srvgen.load('std_srvs/srv/Empty'), 'empty')\n"

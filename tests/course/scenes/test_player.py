@@ -4,7 +4,7 @@ import pytest
 
 from taskrpc.course.scenes.catalogue import SCENES, scene
 from taskrpc.course.scenes.player import Lines, play
-from tests.cli.scene.screens import rows
+from tests.cli.course.scene.screens import rows
 
 EACH = pytest.mark.parametrize("each", SCENES, ids=lambda each: each.name)
 

@@ -336,7 +336,7 @@ async def test_killed_taskrpc_program_is_gone_after_some_seconds(stack, start, t
 
 
 async def test_task_server_on_ros(stack, start, tmp_path):
-    command = "from taskrpc.cli.server import main; raise SystemExit(main())"
+    command = "from taskrpc.cli.robot.server.command_line import main; raise SystemExit(main())"
     start("-c", command, "--transport", "ros", "--db", ":memory:", until="taskrpc-server ready")
     assert any(line.startswith("True") for line in await output("call", "/robot_task/health", "1"))
     calling = await asyncio.create_subprocess_exec(

@@ -9,7 +9,7 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.cli.top.picture import picture, text_of
+from taskrpc.cli.observe.top.picture import picture, text_of
 from taskrpc.observe.top.model import Pose
 from taskrpc.observe.top.reading import Reader
 from taskrpc.robot import KinematicRobot, default_world

@@ -52,9 +52,14 @@ COMMANDS = [
 ]
 EARLY = {
     "srvgen": ["srvgen.cli.main", "argparse", "srvgen.cli.commands"],
-    "taskrpc": ["taskrpc.cli.main", "argparse", "taskrpc.cli.ps"],
+    "taskrpc": ["taskrpc.cli.main", "argparse", "taskrpc.cli.network.ps"],
     "taskrpc-call": ["taskrpc.cli.call", "taskrpc.core.system.os_errors", "asyncio"],
-    "taskrpc-server": ["taskrpc.cli.server", "asyncio", "taskrpc.program", "taskrpc.robot"],
+    "taskrpc-server": [
+        "taskrpc.cli.robot.server.command_line",
+        "asyncio",
+        "taskrpc.program",
+        "taskrpc.robot",
+    ],
 }
 
 

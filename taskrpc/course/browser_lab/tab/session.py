@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from pathlib import PurePosixPath
 from typing import Any
 
+from taskrpc.course.browser_lab.tab.delays import Delays
 from taskrpc.course.browser_lab.tab.programs import FOLDER, Programs
 from taskrpc.course.browser_lab.tab.robot import TabRobot
 from taskrpc.course.browser_lab.tab.threads import Scheduler
@@ -80,20 +81,25 @@ class Session:
         _write(files)
         passed, total = 0, 0
         new_trial = trials(self._programs, Variant(variant))
-        async for finding in findings(catalogue.lab(lab), new_trial):
-            problem = finding.problem
-            self.emit(
-                "finding",
-                index=total,
-                title=finding.check.title,
-                passed=finding.passed,
-                waits_for=finding.waits_for,
-                expected=problem.expected if problem else "",
-                happened=problem.happened if problem else "",
-                look=problem.look if problem else "",
-            )
-            total += 1
-            passed += finding.passed
+        delays = Delays()
+        watching = self._loop.create_task(delays.watch())
+        try:
+            async for finding in findings(catalogue.lab(lab), new_trial, delays.were_long):
+                problem = finding.problem
+                self.emit(
+                    "finding",
+                    index=total,
+                    title=finding.check.title,
+                    passed=finding.passed,
+                    waits_for=finding.waits_for,
+                    expected=problem.expected if problem else "",
+                    happened=problem.happened if problem else "",
+                    look=problem.look if problem else "",
+                )
+                total += 1
+                passed += finding.passed
+        finally:
+            watching.cancel()
         self.emit("checked", passed=passed, total=total)
 
     async def _do_stop(self, programs: list[str]) -> None:

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import pytest
 
-from taskrpc.cli.launch import file_in_package
+from taskrpc.cli.ros.launch import file_in_package
 
 
 class FakeTree:
