@@ -21,7 +21,7 @@ import time
 from pathlib import Path
 
 import taskrpc
-from taskrpc.robot.tasks.server import load_types
+from taskrpc.robot.tasks.services.offered_tasks import load_types
 
 CALLS_A_SECOND = 20
 TARGETS = ("warehouse", "station_1", "area_a", "dock")

@@ -25,7 +25,7 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import taskrpc
-from taskrpc.robot.tasks.server import load_types
+from taskrpc.robot.tasks.services.offered_tasks import load_types
 from tests.browser.chromium import LAPTOP, PHONE, Tab, Tabs, chromium
 from tests.browser.task_server import TaskServer
 

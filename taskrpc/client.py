@@ -64,7 +64,7 @@ class Client(Generic[RequestT, ResponseT]):
     ) -> None:
         self.srv_type = srv_type
         self.service_name = name
-        self._timeout = _checked(timeout)
+        self._timeout = checked_timeout(timeout)
         self._retry = retry
         self._budget = RetryBudget()
         self._loop = asyncio.get_running_loop()
@@ -90,6 +90,7 @@ class Client(Generic[RequestT, ResponseT]):
         Raises TaskRpcError after `destroy`, so that a loop of a thread ends with the node.
         """
         self._channel.refuse_if_closed()
+        timeout = checked_timeout(timeout, "wait_for_service: timeout")
         deadline = None if timeout is None else self._loop.time() + timeout
         return await self._channel.wait(deadline)
 
@@ -198,7 +199,7 @@ class Client(Generic[RequestT, ResponseT]):
         )
 
     def _deadline(self, timeout: float | Unset | None) -> float | None:
-        seconds = self._timeout if timeout is UNSET else _checked(timeout)
+        seconds = self._timeout if timeout is UNSET else checked_timeout(timeout)
         return None if seconds is None else self._now() + seconds
 
 
@@ -229,7 +230,8 @@ def send_in_thread_then(
     return channel.send_in_thread_then(request, client._deadline(timeout), on_done)
 
 
-def _checked(timeout: float | None) -> float | None:
+def checked_timeout(timeout: float | None, what: str = "timeout") -> float | None:
+    """Return a timeout. Raises ValueError if it is neither finite seconds nor None."""
     if timeout is None:
         return None
     try:
@@ -237,7 +239,7 @@ def _checked(timeout: float | None) -> float | None:
     except TypeError:
         finite = False
     if not finite:
-        raise ValueError(f"timeout: expected seconds, or None for no deadline, got {timeout!r}")
+        raise ValueError(f"{what}: expected seconds, or None for no deadline, got {timeout!r}")
     return timeout
 
 

@@ -19,6 +19,7 @@ from taskrpc.core.execution.callbacks import (
     DaemonThreads,
     as_coroutine,
     check_callback,
+    check_count,
     end_program,
     run_to_end,
 )
@@ -90,8 +91,8 @@ class Service:
         if concurrency is None:
             # As many as a caller may have in flight, so that a store can commit them together.
             concurrency = 1 if store is None else DEFAULT_LIMITS.calls
-        if concurrency < 1:
-            raise ValueError(f"concurrency: expected at least 1, got {concurrency}")
+        if type(concurrency) is not int or concurrency < 1:  # saves most programs a call
+            check_count(f"the concurrency of {name}", concurrency)
         check_callback(callback, f"the callback of {name}", ("a request", "a response"))
         self.srv_type = srv_type
         self.service_name = name

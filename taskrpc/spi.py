@@ -1,8 +1,8 @@
 """What the core offers to the districts around it, and to packages that extend taskrpc.
 
 A transport, a store, an observer or a command imports the names of this module; all other modules
-of `taskrpc.core` may change at any time. `docs/explanation/contract.md` says what each part is for,
-and why a name was added. A name is imported when a program first uses it.
+of `taskrpc.core` may change at any time. `docs/explanation/contract.md` says who uses each name.
+A name is imported when a program first uses it.
 """
 
 from __future__ import annotations
@@ -25,15 +25,14 @@ if TYPE_CHECKING:
     from taskrpc.core import names, yaml_text
     from taskrpc.core.callinfo import Denied, answering
     from taskrpc.core.current_program import current_program
-    from taskrpc.core.exactly_once.completions import (
-        CompletionBatch,
-        CompletionIndex,
-        create_completion_table,
-        delete_completions,
-        read_completions,
-    )
+    from taskrpc.core.exactly_once.completions import CompletionBatch, CompletionIndex
     from taskrpc.core.exactly_once.executions import Execution
-    from taskrpc.core.execution.callbacks import DaemonThreads
+    from taskrpc.core.exactly_once.stores import (
+        clear_completions,
+        create_completion_tables,
+        read_stored_completions,
+    )
+    from taskrpc.core.execution.callbacks import DaemonThreads, problem_of_callback
     from taskrpc.core.introspection import SUFFIX, IntrospectionState, gid_of, service_event
     from taskrpc.core.observer import Connections, ObservedNode, Outgoing, TopicStatus
     from taskrpc.core.request_ids.ids import (
@@ -43,6 +42,7 @@ if TYPE_CHECKING:
         ReceivedId,
         StoredCompletions,
     )
+    from taskrpc.core.request_ids.ledger import CLIENT_LEASE
     from taskrpc.core.security.account_file import AccountFile, Row
     from taskrpc.core.security.accounts import AccountSource
     from taskrpc.core.security.installing import install_command
@@ -54,7 +54,7 @@ if TYPE_CHECKING:
         robot_namespace,
     )
     from taskrpc.core.security.listen_policy import check_listen_policy
-    from taskrpc.core.security.roles import account_name_problem
+    from taskrpc.core.security.roles import account_name_problem, account_of
     from taskrpc.core.security.tls import ServerTls, first_certificate, pinned_context
     from taskrpc.core.storage.database import Database
     from taskrpc.core.storage.lock import FileInUse
@@ -82,8 +82,14 @@ if TYPE_CHECKING:
     )
     from taskrpc.core.transport.chance import present_chance
     from taskrpc.core.transport.codec import KEPT_CLASSES, ServiceType, codec_of
-    from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
-    from taskrpc.core.transport.discovery.registry import Registry
+    from taskrpc.core.transport.connection.dialling import with_address
+    from taskrpc.core.transport.discovery.entries import (
+        EntryChange,
+        RegistryEntry,
+        TrackedEntry,
+        entry_of,
+    )
+    from taskrpc.core.transport.discovery.registry import Registry, domain_folder
     from taskrpc.core.transport.endpoint import Endpoint
     from taskrpc.core.transport.engine import (
         Cancelable,
@@ -94,51 +100,61 @@ if TYPE_CHECKING:
         NativeEngine,
         NativeReply,
     )
-    from taskrpc.core.transport.limits.keepalive import keepalive_of
+    from taskrpc.core.transport.limits.keepalive import drop_dead_peers, keepalive_of
     from taskrpc.core.transport.limits.log_throttling import ThrottledLog
     from taskrpc.core.transport.network import Address, Factory, Network
     from taskrpc.core.transport.settings import Settings, domain_id, environment_peers
-    from taskrpc.core.transport.shared_endpoint import Registration, registered
+    from taskrpc.core.transport.shared_endpoint import (
+        TRANSPORTS,
+        Registration,
+        close_program,
+        registered,
+    )
     from taskrpc.core.transport.tcp.listening import Listener
     from taskrpc.core.transport.tcp.tcp_network import (
         TcpNetwork,
         address_here,
         is_loopback,
         join_address,
+        listening_socket,
         split_address,
     )
     from taskrpc.core.transport.tcp.unix_sockets import checked_unix, is_unix, path_of
     from taskrpc.core.transport.time_of_day import time_of_day, time_of_day_ns
     from taskrpc.core.transport.tunnel import cdr
+    from taskrpc.core.transport.tunnel.directory import entry_in
     from taskrpc.core.transport.tunnel.handoff import Handoff
     from taskrpc.core.transport.tunnel.tunnel_network import TunnelNetwork
     from taskrpc.core.wire.frames import Body
     from taskrpc.core.wire.messages import Listing, Resolve, ServiceEndpoint, TopicEndpoint
+    from taskrpc.core.wire.statistics import ServiceStatistics, Statistics, percentile
     from taskrpc.core.wire.topics import qos_mismatch_text
+    from taskrpc.sync.loop_thread import LoopThread
 
 _HOMES = {
     "actions.goals": "GoalLedger GoalRecord goals_to_cancel",
-    "actions.messages": "ActionMessages FEEDBACK_QOS STATUS_QOS bytes_of nanoseconds_of states_in",
+    "actions.messages": "FEEDBACK_QOS STATUS_QOS ActionMessages bytes_of nanoseconds_of states_in",
     "actions.names": "action_of_feedback names_of",
     "actions.states": "GoalEvent InvalidTransition",
     "core": "names yaml_text",
     "core.callinfo": "Denied answering",
     "core.current_program": "current_program",
-    "core.exactly_once.completions": (
-        "CompletionBatch CompletionIndex create_completion_table"
-        " delete_completions read_completions"
-    ),
+    "core.exactly_once.completions": "CompletionBatch CompletionIndex",
     "core.exactly_once.executions": "Execution",
-    "core.execution.callbacks": "DaemonThreads",
-    "core.introspection": "IntrospectionState SUFFIX gid_of service_event",
+    "core.exactly_once.stores": (
+        "clear_completions create_completion_tables read_stored_completions"
+    ),
+    "core.execution.callbacks": "DaemonThreads problem_of_callback",
+    "core.introspection": "SUFFIX IntrospectionState gid_of service_event",
     "core.observer": "Connections ObservedNode Outgoing TopicStatus",
     "core.request_ids.ids": "ClientKey Completion CompletionStore ReceivedId StoredCompletions",
+    "core.request_ids.ledger": "CLIENT_LEASE",
     "core.security.account_file": "AccountFile Row",
     "core.security.accounts": "AccountSource",
     "core.security.installing": "install_command",
     "core.security.lab": "Lab forget_lab remember_lab remembered_lab robot_namespace",
     "core.security.listen_policy": "check_listen_policy",
-    "core.security.roles": "account_name_problem",
+    "core.security.roles": "account_name_problem account_of",
     "core.security.tls": "ServerTls first_certificate pinned_context",
     "core.storage.database": "Database",
     "core.storage.lock": "FileInUse",
@@ -153,37 +169,43 @@ _HOMES = {
     ),
     "core.transport.chance": "present_chance",
     "core.transport.codec": "KEPT_CLASSES ServiceType codec_of",
-    "core.transport.discovery.entries": "EntryChange RegistryEntry TrackedEntry",
-    "core.transport.discovery.registry": "Registry",
+    "core.transport.connection.dialling": "with_address",
+    "core.transport.discovery.entries": "EntryChange RegistryEntry TrackedEntry entry_of",
+    "core.transport.discovery.registry": "Registry domain_folder",
     "core.transport.endpoint": "Endpoint",
     "core.transport.engine": (
         "Cancelable Closable Engine EngineEvents ForeignServer NativeEngine NativeReply"
     ),
-    "core.transport.limits.keepalive": "keepalive_of",
+    "core.transport.limits.keepalive": "drop_dead_peers keepalive_of",
     "core.transport.limits.log_throttling": "ThrottledLog",
     "core.transport.network": "Address Factory Network",
     "core.transport.settings": "Settings domain_id environment_peers",
-    "core.transport.shared_endpoint": "Registration registered",
+    "core.transport.shared_endpoint": "TRANSPORTS Registration close_program registered",
     "core.transport.tcp.listening": "Listener",
     "core.transport.tcp.tcp_network": (
-        "TcpNetwork address_here is_loopback join_address split_address"
+        "TcpNetwork address_here is_loopback join_address listening_socket split_address"
     ),
     "core.transport.tcp.unix_sockets": "checked_unix is_unix path_of",
     "core.transport.time_of_day": "time_of_day time_of_day_ns",
     "core.transport.tunnel": "cdr",
+    "core.transport.tunnel.directory": "entry_in",
     "core.transport.tunnel.handoff": "Handoff",
     "core.transport.tunnel.tunnel_network": "TunnelNetwork",
     "core.wire.frames": "Body",
     "core.wire.messages": "Listing Resolve ServiceEndpoint TopicEndpoint",
+    "core.wire.statistics": "ServiceStatistics Statistics percentile",
     "core.wire.topics": "qos_mismatch_text",
+    "sync.loop_thread": "LoopThread",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
 __all__ = [
+    "CLIENT_LEASE",
     "FEEDBACK_QOS",
     "KEPT_CLASSES",
     "STATUS_QOS",
     "SUFFIX",
+    "TRANSPORTS",
     "AccountFile",
     "AccountSource",
     "ActionMessages",
@@ -219,6 +241,7 @@ __all__ = [
     "Lab",
     "Listener",
     "Listing",
+    "LoopThread",
     "NativeEngine",
     "NativeReply",
     "Network",
@@ -235,8 +258,10 @@ __all__ = [
     "Row",
     "ServerTls",
     "ServiceEndpoint",
+    "ServiceStatistics",
     "ServiceType",
     "Settings",
+    "Statistics",
     "StoredCompletions",
     "TcpNetwork",
     "ThrottledLog",
@@ -248,6 +273,7 @@ __all__ = [
     "TunnelNetwork",
     "Writer",
     "account_name_problem",
+    "account_of",
     "action_of_feedback",
     "address_here",
     "answering",
@@ -255,11 +281,16 @@ __all__ = [
     "cdr",
     "check_listen_policy",
     "checked_unix",
+    "clear_completions",
+    "close_program",
     "codec_of",
-    "create_completion_table",
+    "create_completion_tables",
     "current_program",
-    "delete_completions",
+    "domain_folder",
     "domain_id",
+    "drop_dead_peers",
+    "entry_in",
+    "entry_of",
     "environment_peers",
     "file_locks",
     "first_certificate",
@@ -272,18 +303,21 @@ __all__ = [
     "is_unix",
     "join_address",
     "keepalive_of",
+    "listening_socket",
     "names",
     "names_of",
     "nanoseconds_of",
     "os_errors",
     "path_of",
+    "percentile",
     "pinned_context",
     "present_chance",
     "private_files",
+    "problem_of_callback",
     "process_state",
     "qos_mismatch_text",
-    "read_completions",
     "read_records",
+    "read_stored_completions",
     "read_text",
     "refuse_other_tables",
     "registered",
@@ -298,6 +332,7 @@ __all__ = [
     "terminal",
     "time_of_day",
     "time_of_day_ns",
+    "with_address",
     "with_checksum",
     "yaml_text",
 ]

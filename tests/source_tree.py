@@ -12,7 +12,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("srvgen", "taskrpc")
 CONTRACT = tomllib.loads(Path(__file__).with_name("contract.toml").read_text(encoding="utf-8"))
-"""The rules of imports, and the violations that are left."""
+"""The rules of imports."""
 
 
 class Import(NamedTuple):

@@ -25,7 +25,7 @@ from taskrpc.cli.robot.server import command_line as server
 from taskrpc.cli.shared import parsing
 from taskrpc.core.wire import frames, status
 from taskrpc.robot.tasks.managed_robot import ManagedRobot
-from taskrpc.robot.tasks.server import OfferedTasks
+from taskrpc.robot.tasks.services.offered_tasks import OfferedTasks
 from tests.docs.markdown import Page, read_page
 from tests.docs.stage import Stage
 

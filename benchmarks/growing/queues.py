@@ -14,9 +14,9 @@ from benchmarks.harness import usage
 from taskrpc.robot.protocol import Plan, Pose
 from taskrpc.robot.tasks.manager import TaskManager, TaskSettings
 from taskrpc.robot.tasks.model import Task
-from taskrpc.robot.tasks.pages import PAGE, page
 from taskrpc.robot.tasks.queue.task_queue import TaskQueue
 from taskrpc.robot.tasks.records.store import MemoryStore
+from taskrpc.robot.tasks.services.pages import PAGE, page
 
 _USED = 1000
 """Tasks that are cancelled, moved and run, at most, each."""

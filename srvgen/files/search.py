@@ -32,7 +32,7 @@ class _LookupCache:
     """Results of lookups in the environment and on the disk, for one `cached_lookups` block.
 
     Attributes:
-        places: for each name the file and the type that it defines; None if there is none.
+        types: for each name the file and the type that it defines; None if there is none.
     """
 
     def __init__(self) -> None:
@@ -40,7 +40,7 @@ class _LookupCache:
         self.packages: dict[str, list[Path]] = {}
         self.interfaces: dict[str, list[str]] = {}
         self.folders: dict[str, list[Path]] = {}
-        self.places: dict[TypeName, tuple[Path, TypeName] | None] = {}
+        self.types: dict[TypeName, tuple[Path, TypeName] | None] = {}
 
 
 class Search:
@@ -246,12 +246,12 @@ class Search:
         cache = self._cache
         if cache is None:
             return self._look(name, _folders_of(name.package, self._roots()))
-        if name not in cache.places:
+        if name not in cache.types:
             cache.roots = cache.roots or list(self._roots())
             if name.package not in cache.folders:
                 cache.folders[name.package] = list(_folders_of(name.package, cache.roots))
-            cache.places[name] = self._look(name, cache.folders[name.package])
-        return cache.places[name]
+            cache.types[name] = self._look(name, cache.folders[name.package])
+        return cache.types[name]
 
     def _look(self, name: TypeName, folders: Iterable[Path]) -> tuple[Path, TypeName] | None:
         owners = [name]

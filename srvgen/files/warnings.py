@@ -143,8 +143,8 @@ def _overflows(one: Field | Constant) -> Iterator[tuple[int, str, str]]:
 
 
 def _warning(
-    message: str, path: Path, line: str, place: tuple[int, int], hint: str
+    message: str, path: Path, line: str, position: tuple[int, int], hint: str
 ) -> DefinitionWarning:
     return DefinitionWarning(
-        message, path=str(path), line=place[0], column=place[1], source_line=line, hint=hint
+        message, path=str(path), line=position[0], column=position[1], source_line=line, hint=hint
     )

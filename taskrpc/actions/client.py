@@ -19,8 +19,9 @@ from taskrpc.actions.messages import (
 )
 from taskrpc.actions.names import names_of
 from taskrpc.actions.states import ENDED, GoalState
-from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Client, Unset
+from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Client, Unset, checked_timeout
 from taskrpc.core import names
+from taskrpc.core.execution.callbacks import check_count
 from taskrpc.core.transport.chance import present_chance
 from taskrpc.errors import (
     Code,
@@ -103,8 +104,7 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         feedback_depth: int = FEEDBACK_DEPTH,
         forget: Callable[[ActionClient[Any, Any, Any]], object] = lambda _: None,
     ) -> None:
-        if feedback_depth < 1:
-            raise ValueError(f"feedback_depth: expected at least 1, got {feedback_depth}")
+        check_count(f"the feedback_depth of {action_name}", feedback_depth)
         names.check_unexpanded(action_name, "action name")
         self.action_type = action_type
         self.action_name = node.resolve_service_name(action_name)
@@ -151,6 +151,7 @@ class ActionClient(Generic[GoalT, ResultT, FeedbackT]):
         """
         if self._destroyed:
             raise self._gone()
+        timeout = checked_timeout(timeout, "wait_for_server: timeout")
         deadline = None if timeout is None else self._loop.time() + timeout
         for client in (self._send, self._cancel, self._result):
             left = None if deadline is None else max(0.0, deadline - self._loop.time())

@@ -29,6 +29,7 @@ from taskrpc.core.execution.callbacks import (
     HOLDS_LOOP_AFTER,
     DaemonThreads,
     check_callback,
+    check_count,
     end_program,
     run_to_end,
 )
@@ -122,7 +123,9 @@ class ActionServer:
         role: Role = Role.SUBMIT,
         wall_clock: Callable[[], int] = time_of_day_ns,
     ) -> None:
-        _check_settings(concurrency, result_timeout)
+        check_count(f"the concurrency of {action_name}", concurrency)
+        if not (isinstance(result_timeout, int | float) and 0 <= result_timeout < math.inf):
+            raise ValueError(f"result_timeout: expected seconds from 0, got {result_timeout!r}")
         _check_callbacks(action_name, execute, accept_goal, accept_cancel)
         names.check_unexpanded(action_name, "action name")
         self.action_type = action_type
@@ -597,10 +600,3 @@ def _check_callbacks(
         check_callback(accept_goal, f"`goal=` of {action_name}", ("a request",))
     if accept_cancel is not None:
         check_callback(accept_cancel, f"`cancel=` of {action_name}", ("a goal",))
-
-
-def _check_settings(concurrency: int, result_timeout: float) -> None:
-    if concurrency < 1:
-        raise ValueError(f"concurrency: expected at least 1, got {concurrency}")
-    if not 0 <= result_timeout < math.inf:
-        raise ValueError(f"result_timeout: expected seconds from 0, got {result_timeout!r}")

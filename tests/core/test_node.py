@@ -92,10 +92,12 @@ async def test_class_that_is_not_a_service_type_is_refused():
                 node.create_service(wrong, "add", add)
 
 
-async def test_concurrency_below_one_is_refused():
+@pytest.mark.parametrize("concurrency", [0, -1, 2.5, "3"])
+async def test_concurrency_that_is_no_whole_number_from_one_is_refused(concurrency):
     async with memory() as node:
-        with pytest.raises(ValueError, match="concurrency: expected at least 1, got 0"):
-            node.create_service(Add, "add", add, concurrency=0)
+        refusal = f"concurrency of /add: expected a whole number from 1 on, .*, got {concurrency!r}"
+        with pytest.raises(ValueError, match=refusal):
+            node.create_service(Add, "add", add, concurrency=concurrency)
         node.create_service(Add, "add", add)
 
 

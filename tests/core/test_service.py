@@ -457,6 +457,8 @@ async def test_invalid_timeout_is_refused(timeout):
         client = node.create_client(Add, "add")
         with pytest.raises(ValueError, match="timeout: expected seconds, or None"):
             await client.call(ask(), timeout=timeout)
+        with pytest.raises(ValueError, match=r"wait_for_service: timeout: .*, got (nan|inf|'5')"):
+            await client.wait_for_service(timeout)
 
 
 @pytest.mark.parametrize("once", [False, True])

@@ -12,7 +12,7 @@ import pytest
 
 from taskrpc.cli.main import main
 from taskrpc.cli.robot.server.command_line import main as server_main
-from taskrpc.core.transport.tcp.tcp_network import bound
+from taskrpc.core.transport.tcp.tcp_network import listening_socket
 from tests.end_to_end.test_robot_task import READY, TaskServer
 
 pytestmark = [
@@ -37,7 +37,7 @@ def start(tmp_path):
 
 
 def free_place():
-    with contextlib.closing(bound("127.0.0.1", 0)) as sock:
+    with contextlib.closing(listening_socket("127.0.0.1", 0)) as sock:
         return f"127.0.0.1:{sock.getsockname()[1]}"
 
 

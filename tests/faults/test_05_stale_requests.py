@@ -13,7 +13,7 @@ import pytest
 import srvgen
 import taskrpc
 from taskrpc.core.request_ids.ids import ReceivedId, RequestCounter
-from taskrpc.core.request_ids.ledger import LEASE, Ledger, Verdict
+from taskrpc.core.request_ids.ledger import CLIENT_LEASE, Ledger, Verdict
 from taskrpc.core.security.roles import Role
 from taskrpc.core.transport.base import IncomingCall
 from taskrpc.service import Service
@@ -104,7 +104,7 @@ class Rehearsal:
     async def wait(self):
         """The server forgets most clients in this time."""
         self.counts["leases"] += 1
-        await asyncio.sleep(LEASE * self.chance.uniform(0.5, 1.5))
+        await asyncio.sleep(CLIENT_LEASE * self.chance.uniform(0.5, 1.5))
 
     async def send(self):
         if len(self.clients) < CLIENTS or self.chance.random() < 0.02:

@@ -26,7 +26,7 @@ MOST_WITH_ANY = 766
 REQUEST_FIELDS = {
     "taskrpc/robot/tasks/server.py": "request.task_type",
     "taskrpc/robot/fleet/server.py": "request.priority",
-    "taskrpc/robot/tasks/action.py": "goal.target",
+    "taskrpc/robot/tasks/services/action.py": "goal.target",
     "taskrpc/cli/robot/task/task_services.py": "request.revision",
     "taskrpc/ros/packages/rclpy/parameter_service.py": "request.depth",
     "taskrpc/course/labs/checks/lab3.py": "request.b",
@@ -36,9 +36,9 @@ REQUEST_FIELDS = {
     "taskrpc/bridges/rosbridge/rosapi.py": "request.default_value",
 }
 RESPONSE_FIELDS = {
-    "taskrpc/robot/tasks/server.py": "response.next_page",
-    "taskrpc/robot/tasks/action.py": "result.success",
-    "taskrpc/robot/tasks/topics.py": "message.header.frame_id",
+    "taskrpc/robot/tasks/services/offered_tasks.py": "response.next_page",
+    "taskrpc/robot/tasks/services/action.py": "result.success",
+    "taskrpc/robot/tasks/services/topics.py": "message.header.frame_id",
     "taskrpc/cli/robot/task/task_services.py": "response.success",
     "taskrpc/cli/ros/param/param_services.py": "response.descriptors",
     "taskrpc/course/labs/checks/lab1.py": "response.sum",

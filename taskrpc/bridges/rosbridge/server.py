@@ -12,8 +12,8 @@ from aiohttp import WSCloseCode, WSMsgType, web
 
 from taskrpc.bridges.rosbridge import protocol
 from taskrpc.bridges.rosbridge.session import Bridge, Session
-from taskrpc.core.transport.limits.keepalive import drop_dead_peers
 from taskrpc.node import Node
+from taskrpc.spi import drop_dead_peers
 
 log = logging.getLogger("taskrpc.rosbridge")
 

@@ -125,8 +125,8 @@ def _until(lab: Lab) -> str:
 
 
 def _offers(lab: Lab, listing: Listing) -> str:
-    from taskrpc.core.names import is_hidden
+    from taskrpc.spi import names
 
-    names = sorted(each.name for each in listing.services if not is_hidden(each.name))
-    shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    found = sorted(each.name for each in listing.services if not names.is_hidden(each.name))
+    shown = ", ".join(found[:3]) + (f" and {len(found) - 3} more" if len(found) > 3 else "")
     return f"Its server offers {shown or 'nothing yet'}."

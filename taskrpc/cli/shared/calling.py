@@ -17,7 +17,6 @@ from taskrpc.cli.shared.definitions import differs_here, local_service_type, ser
 from taskrpc.cli.shared.remote import HERE, Remote
 from taskrpc.cli.shared.values import as_typed, build_request
 from taskrpc.client import Client
-from taskrpc.core.transport.connection.dialling import with_address
 from taskrpc.errors import (
     AuthenticationFailed,
     ConnectionLost,
@@ -30,6 +29,7 @@ from taskrpc.errors import (
 )
 from taskrpc.node import Node
 from taskrpc.retry import RetryPolicy
+from taskrpc.spi import with_address
 
 POLL = 0.05
 """Seconds between two looks for a service that is not available yet."""

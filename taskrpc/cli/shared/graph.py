@@ -7,12 +7,17 @@ from collections.abc import Iterable
 
 from taskrpc.cli.shared.command import hinted
 from taskrpc.cli.shared.remote import HERE, Remote, called_lab
-from taskrpc.core.transport.connection.dialling import STOPPED
-from taskrpc.core.transport.discovery.entries import entry_of
-from taskrpc.core.transport.suggestions import domains, like, nothing_offered, others
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
-from taskrpc.spi import RegistryEntry, ServiceEndpoint, TopicEndpoint, domain_id, process_state
+from taskrpc.spi import (
+    RegistryEntry,
+    ServiceEndpoint,
+    TopicEndpoint,
+    domain_id,
+    entry_of,
+    process_state,
+    suggestions,
+)
 
 _PATIENCE = 2.0
 """Seconds for a middleware to find the first other program; DDS may repeat its question."""
@@ -36,14 +41,14 @@ async def entries_of(remote: Remote, node: Node) -> list[RegistryEntry]:
     """Return the same as `look`, for a command that already has a node."""
     if remote.address:
         return [entry_of(remote.address, await remote.listing(remote.address))]
-    found = others(await node.graph())
+    found = suggestions.others(await node.graph())
     if remote.transport == "tcp":
         return found  # the registry of this machine is complete at once
     loop = asyncio.get_running_loop()
     end = loop.time() + _PATIENCE
     while not found and loop.time() < end:
         await asyncio.sleep(_POLL)
-        found = others(await node.graph())
+        found = suggestions.others(await node.graph())
     return found
 
 
@@ -80,7 +85,11 @@ async def why_unavailable(
     `lost` is the error of a failed connection, None if every program answered.
     """
     # Do not connect again to an address that did not respond.
-    entries = domains().get(domain_id(), []) if lost else others(await node.graph())
+    entries = (
+        suggestions.domains().get(domain_id(), [])
+        if lost
+        else suggestions.others(await node.graph())
+    )
     for entry in entries:
         if entry.offers(service):
             return _silent(entry, service, waited)
@@ -103,7 +112,7 @@ def _silent(entry: RegistryEntry, service: str, waited: str) -> ServiceUnavailab
     program = f"{entry.script} (pid {entry.pid})"
     if process_state.is_stopped(entry.pid):
         return hinted(
-            ServiceUnavailable(f"{program} offers {service}, but {STOPPED} {waited}"),
+            ServiceUnavailable(f"{program} offers {service}, but {process_state.STOPPED} {waited}"),
             f"`fg` in its terminal or `kill -CONT {entry.pid}` continues it, `taskrpc stop"
             f" {entry.pid}` ends it",
         )
@@ -117,7 +126,7 @@ def unknown_service_hint(
     service: str, entries: Iterable[RegistryEntry], remote: Remote = HERE
 ) -> str:
     """Return a hint for a user who named a service that no program offers."""
-    found = like(service, entries, searches_domains=remote.transport == "tcp")
+    found = suggestions.like(service, entries, searches_domains=remote.transport == "tcp")
     return found or _nothing_offered(remote)
 
 
@@ -127,4 +136,4 @@ def _nothing_offered(remote: Remote) -> str:
         return f"no program offers a service over {remote.transport} in domain {domain_id()}"
     if remote.address:
         return f"the program at {remote.address} offers no service"
-    return nothing_offered()
+    return suggestions.nothing_offered()

@@ -13,9 +13,8 @@ from operator import itemgetter
 
 import msgspec
 
-from taskrpc.core.transport.discovery.registry import domain_folder
 from taskrpc.errors import TaskRpcError
-from taskrpc.spi import domain_id, file_locks, is_loopback, split_address
+from taskrpc.spi import domain_folder, domain_id, file_locks, is_loopback, split_address
 
 CHECK = 2.0
 """Seconds between two checks that the file is still there."""

@@ -164,6 +164,11 @@ class CompletionBatch:
             settled.append((principal, client.hex(), _hexadecimal(first)))
         return as_json(forgotten), as_json(saved), as_json(settled)
 
+    @staticmethod
+    def sql(forgotten: str, saved: str, settled: str) -> str:
+        """Return the SQL that writes `rows`; each argument is the expression that holds one."""
+        return ";".join((FORGET.format(forgotten), SAVE.format(saved), SETTLE.format(settled)))
+
     def write(self, connection: sqlite3.Connection) -> None:
         """Write the changes in the open transaction."""
         for statement, rows in zip((FORGET, SAVE, SETTLE), self.rows(), strict=True):

@@ -14,6 +14,7 @@ from taskrpc.core.exactly_once.completions import (
     CompletionBatch,
     CompletionIndex,
     create_completion_table,
+    delete_completions,
     read_completions,
 )
 from taskrpc.core.request_ids.ids import ClientKey, Completion, StoredCompletions
@@ -23,6 +24,7 @@ from taskrpc.core.storage.database import (
     create_store,
     has_store,
     read_store_id,
+    replace_store_id,
 )
 from taskrpc.core.storage.error_texts import is_about_the_file
 from taskrpc.core.storage.table_checks import refuse_other_tables
@@ -131,7 +133,7 @@ class SqliteCompletions:
         Raises:
             StoreError: the file cannot be used, or another process uses it.
         """
-        self._writer.open_now(_read)
+        self._writer.open_now(read_stored_completions)
 
     async def recall(self) -> StoredCompletions:
         """Return the store's id and its completions; a broken file is opened again.
@@ -140,7 +142,7 @@ class SqliteCompletions:
             StoreError: the file cannot be read, or another process uses it.
         """
         await self._writer.reopen()
-        return await self._writer.read(_read)
+        return await self._writer.read(read_stored_completions)
 
     async def complete(
         self,
@@ -186,8 +188,8 @@ class SqliteCompletions:
 
     def _prepare(self, connection: sqlite3.Connection) -> None:
         if not has_store(connection):
-            _create_tables(connection)
-        refuse_other_tables(connection, _create_tables)
+            create_completion_tables(connection)
+        refuse_other_tables(connection, create_completion_tables)
         _make_own_tables(connection, self._schema)
 
 
@@ -271,9 +273,21 @@ def _statements(effect: Any) -> list[Statement]:
     return statements
 
 
-def _create_tables(connection: sqlite3.Connection) -> None:
+def create_completion_tables(connection: sqlite3.Connection) -> None:
+    """Create the tables of a new store for completions, in the open transaction."""
     create_store(connection)
     create_completion_table(connection)
+
+
+def read_stored_completions(connection: sqlite3.Connection) -> StoredCompletions:
+    """Return the id and all completions of a store. Raises Damaged."""
+    return StoredCompletions(read_store_id(connection), read_completions(connection))
+
+
+def clear_completions(connection: sqlite3.Connection) -> None:
+    """Delete all completions in the open transaction, and give the store a new id."""
+    delete_completions(connection)
+    replace_store_id(connection)
 
 
 def _make_own_tables(connection: sqlite3.Connection, schema: Sequence[str]) -> None:
@@ -311,7 +325,3 @@ def _do(connection: sqlite3.Connection, sql: str, parameters: Any) -> None:
 
 def _not_part(sql: str) -> str:
     return f"an effect is part of a transaction: it cannot do {sql!r}"
-
-
-def _read(connection: sqlite3.Connection) -> StoredCompletions:
-    return StoredCompletions(read_store_id(connection), read_completions(connection))

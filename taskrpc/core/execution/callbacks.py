@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import inspect
 import logging
+import operator
 import threading
 from collections.abc import Awaitable, Callable
 from concurrent.futures import Executor, Future
@@ -139,6 +140,16 @@ def run_to_end(callback: Callback, *arguments: Any) -> Any:
     except StopIteration as error:
         # A future cannot hold StopIteration; generators turn it into the same error.
         raise RuntimeError("the callback raised StopIteration") from error
+
+
+def check_count(setting: str, value: object) -> None:
+    """Raise ValueError for a setting that is not a whole number from 1 on."""
+    try:
+        is_valid = operator.index(value) >= 1  # type: ignore[arg-type]
+    except TypeError:
+        is_valid = False
+    if not is_valid:
+        raise ValueError(f"{setting}: expected a whole number from 1 on, such as 10, got {value!r}")
 
 
 def check_callback(callback: Callback, description: str, parameters: tuple[str, ...]) -> None:

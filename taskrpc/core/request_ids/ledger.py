@@ -7,11 +7,11 @@ from enum import Enum
 
 from taskrpc.core.request_ids.ids import OPEN_PER_CLIENT, ClientKey, Completion, ReceivedId
 
-LEASE = 24 * 3600.0
+CLIENT_LEASE = 24 * 3600.0
 """Seconds for which a client is remembered after its last request. Only the time in which a server
 of the store runs counts."""
 
-REPEATED_FOR = LEASE / 2
+REPEATED_FOR = CLIENT_LEASE / 2
 """Seconds for which a client repeats a request that may have run. Later the server may have
 forgotten the request, and would run it again."""
 
@@ -109,7 +109,7 @@ class Ledger:
         self,
         completions: Iterable[Completion] = (),
         *,
-        lease: float = LEASE,
+        lease: float = CLIENT_LEASE,
         memory: int = MEMORY,
         open_per_client: int = OPEN_PER_CLIENT,
     ) -> None:

@@ -342,12 +342,6 @@ def _execute(connection: sqlite3.Connection, ending: str, values: Sequence[Any] 
         raise _CommitFailed(error) from error
 
 
-def pragma(connection: sqlite3.Connection, name: str) -> int:
-    """Return a number that SQLite keeps in the file's header."""
-    value: int = connection.execute(f"PRAGMA {name}").fetchone()[0]
-    return value
-
-
 def _connect(path: Path | str, *, check_same_thread: bool = True) -> sqlite3.Connection:
     connection = sqlite3.connect(path, isolation_level=None, check_same_thread=check_same_thread)
     # Text in a damaged file may not be valid UTF-8.

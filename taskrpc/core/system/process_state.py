@@ -6,6 +6,9 @@ import contextlib
 import os
 import sys
 
+STOPPED = "is stopped, as by Ctrl-Z"
+"""What messages say of a process for which `is_stopped` is true."""
+
 
 def has_open(pid: int, file: os.stat_result) -> bool:
     """Return whether a process has a file open; where the system does not tell, True for any pid.

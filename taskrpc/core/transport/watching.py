@@ -11,7 +11,7 @@ from taskrpc.core.transport.discovery.entries import RegistryEntry, entry_of
 from taskrpc.core.transport.network import Address, Network
 from taskrpc.core.wire.messages import STATISTICS, Listing, Resolve
 from taskrpc.core.wire.statistics import Statistics
-from taskrpc.errors import DeadlineExceeded, ServiceUnavailable, TaskRpcError
+from taskrpc.errors import DeadlineExceeded, TaskRpcError
 
 
 async def read_statistics(
@@ -62,8 +62,6 @@ class _Reader:
 
 
 def _why_unmeasured(address: Address, error: TaskRpcError) -> str:
-    if isinstance(error, ServiceUnavailable):
-        return "it runs an older taskrpc, which has no statistics"
     if silent := why_silent(address):
         return silent
     return "it did not respond in time" if isinstance(error, DeadlineExceeded) else str(error)

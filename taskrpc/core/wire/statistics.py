@@ -6,7 +6,6 @@ at most 10 % off.
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_left
 from collections.abc import Mapping
 
@@ -69,16 +68,3 @@ def percentile(durations: Mapping[int, int], fraction: float) -> float | None:
             return upper * 2 ** (((rank - below) / count - 1) / 4)
         below += count
     return None
-
-
-def is_error(code: int) -> bool:
-    """Whether calls that end with this code have failed. Calls that were cancelled have not."""
-    return code not in _NO_ERRORS
-
-
-_NO_ERRORS = frozenset({0, 1})  # OK and CANCELLED
-
-
-def rate(count: float, seconds: float) -> float | None:
-    """Return a number a second; None if no time has passed."""
-    return count / seconds if seconds > 0 and math.isfinite(seconds) else None

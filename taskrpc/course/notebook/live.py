@@ -17,11 +17,12 @@ from taskrpc.observe.top.model import TaskServerRow
 from taskrpc.observe.top.reading import TaskServerReader, task_services
 from taskrpc.robot.kinematics import Point
 from taskrpc.robot.world import World
-from taskrpc.sync.loop_thread import SLICE
 
 PERIOD = 0.25
 """Seconds between two pictures."""
 _TIMEOUT = 2.0  # seconds that a task server gets to answer
+_FIRST_POSE = 0.2  # seconds until a task server has sent its first pose
+_SLICE = 0.1  # seconds; Windows notices Ctrl-C only between two sleeps
 _LONGEST_TRAIL = 200  # points
 _SHORTEST_STEP = 0.05  # metres between two points of the trail
 
@@ -65,7 +66,7 @@ class View:
         end = time.monotonic() + seconds
         try:
             while (left := end - time.monotonic()) > 0:
-                time.sleep(min(SLICE, left))
+                time.sleep(min(_SLICE, left))
         finally:
             self.stop()
 
@@ -110,7 +111,7 @@ class View:
             if not found:
                 return None
             self._reader = TaskServerReader(node, self._service, _TIMEOUT)
-            await asyncio.sleep(2 * SLICE)  # the first pose arrives
+            await asyncio.sleep(_FIRST_POSE)
         row = await self._reader.read()
         if row.pose is not None:
             self._went_to((row.pose.x, row.pose.y))

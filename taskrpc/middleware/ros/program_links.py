@@ -39,7 +39,7 @@ def id_of_node(name: str) -> str:
 
 
 def address_of(program: str) -> str:
-    """Return the place of a program."""
+    """Return the address of a program."""
     return _ADDRESS + program
 
 

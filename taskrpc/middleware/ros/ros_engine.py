@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import Any
 
 import srvgen
-from taskrpc.core.transport.tunnel.directory import entry_in
 from taskrpc.errors import ProtocolError, TaskRpcError, TypeMismatch
 from taskrpc.middleware.ros import bytes_message, types
 from taskrpc.middleware.ros.graph import ENCLAVE, Graph
@@ -37,6 +36,7 @@ from taskrpc.spi import (
     Settings,
     TopicEndpoint,
     TunnelNetwork,
+    entry_in,
 )
 
 log = logging.getLogger("taskrpc.transport")

@@ -105,7 +105,7 @@ class ZenohEngine:
         self._publishers: OrderedDict[str, zenoh.Publisher] = OrderedDict()
         """The publishers of datagrams by address, the most recently declared last."""
         self._programs: set[str] = set()
-        """The places of taskrpc programs, this one included."""
+        """The addresses of taskrpc programs, this one included."""
         self._graph = Graph()
         self._foreign_change_planned = False
         self._nodes: dict[str, int] = {}

@@ -7,18 +7,27 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Iterable, Mapping, Sequence
+from math import isfinite
 from typing import NamedTuple, TypeAlias
 
 import msgspec
 
-from taskrpc.core.wire.statistics import ServiceStatistics, Statistics, is_error, percentile, rate
-from taskrpc.spi import ProgramStatistics, RegistryEntry, names
+from taskrpc.errors import Code
+from taskrpc.spi import (
+    ProgramStatistics,
+    RegistryEntry,
+    ServiceStatistics,
+    Statistics,
+    names,
+    percentile,
+)
 
 WINDOW = 5.0
 """Seconds of which rates and latencies are shown; one reading back if the readings are rarer."""
 
 _MOST_READINGS = 64  # of a program that are kept: more than the window holds
 _SLACK = 0.05  # seconds by which a reading may be late and still be in the window
+_NO_ERRORS = frozenset({Code.OK, Code.CANCELLED})
 
 
 class ServiceRow(msgspec.Struct, frozen=True):
@@ -318,8 +327,8 @@ def _service_row(name: str, parts: list[tuple[_Program, ServiceStatistics]]) -> 
         codes.update(program.since_first(name))
         durations.update(recent_durations)
         errors_now += _errors(recent)
-        if (per_second := rate(sum(recent.values()), program.seconds)) is not None:
-            rates.append(per_second)
+        if program.seconds > 0 and isfinite(program.seconds):
+            rates.append(sum(recent.values()) / program.seconds)
     return ServiceRow(
         name,
         tuple(sorted({node for program, _ in parts for node in program.nodes_of(name)})),
@@ -348,7 +357,7 @@ def _counts(reading: Statistics, name: str) -> tuple[Counter[int], Counter[int]]
 
 
 def _errors(codes: Mapping[int, int]) -> int:
-    return sum(count for code, count in codes.items() if is_error(code))
+    return sum(count for code, count in codes.items() if code not in _NO_ERRORS)
 
 
 def _key(entry: RegistryEntry) -> _Key:

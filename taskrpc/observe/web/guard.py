@@ -215,10 +215,10 @@ def _hosts(origins: Iterable[str]) -> set[str]:
     """Return the Host headers of origins; some proxies leave the port out, or always add it."""
     found = set()
     for origin in origins:
-        _, is_url, place = origin.partition("://")
+        _, is_url, authority = origin.partition("://")
         if is_url:
-            host = re.sub(r":[0-9]+\Z", "", place)
-            found |= {place, host, f"{host}{_usual_port(origin)}"}
+            host = re.sub(r":[0-9]+\Z", "", authority)
+            found |= {authority, host, f"{host}{_usual_port(origin)}"}
     return found
 
 

@@ -38,7 +38,7 @@ from taskrpc.robot.tasks.page_events import (
     scan_json,
     task_json,
 )
-from taskrpc.robot.tasks.pages import Row, page
+from taskrpc.robot.tasks.services.pages import Row, page
 from taskrpc.robot.world import World
 
 log = logging.getLogger("taskrpc.web")

@@ -14,7 +14,7 @@ from taskrpc.observe.metrics.prometheus import CONTENT_TYPE
 
 if TYPE_CHECKING:
     from taskrpc.observe.metrics import Metrics
-    from taskrpc.robot.tasks.server import OfferedTasks
+    from taskrpc.robot.tasks.services.offered_tasks import OfferedTasks
 
 STATIC = Path(__file__).with_name("static")
 """The folder of the live page's files."""

@@ -14,14 +14,12 @@ import msgspec
 from aiohttp import HttpVersion11, web
 
 from taskrpc import Tls
-from taskrpc.core.transport.connection.connection import shown
-from taskrpc.core.transport.tcp.tcp_network import bound
 from taskrpc.errors import CannotListen
 from taskrpc.observe.web.control import MAX_BODY
 from taskrpc.observe.web.guard import Access, Guard, Head, own_names
+from taskrpc.observe.web.open_connections import OpenConnections, TooManyRequests
 from taskrpc.observe.web.pages import JSON, Page, Pages
 from taskrpc.observe.web.peers import is_other_user
-from taskrpc.observe.web.places import Places, TooManyRequests
 from taskrpc.observe.web.streams import UNREAD_BYTES, LiveStream, Tab, TooManyTabs
 from taskrpc.observe.web.tokens import Holder, Tokens
 from taskrpc.spi import (
@@ -31,6 +29,7 @@ from taskrpc.spi import (
     ThrottledLog,
     is_loopback,
     join_address,
+    listening_socket,
     split_address,
 )
 
@@ -162,7 +161,7 @@ class WebServer:
                 " --token-file (in Python tls and may_look), or listen at 127.0.0.1"
             )
         self._server: web.Server | None = None
-        self._places = Places()
+        self._connections = OpenConnections()
         self._malformed = ThrottledLog(log)
         self._refused = ThrottledLog(log)
         self._listener: Listener | None = None
@@ -176,7 +175,7 @@ class WebServer:
 
     async def start(self) -> None:
         """Listen. Raises CannotListen."""
-        sock = bound(self._host, self._port)
+        sock = listening_socket(self._host, self._port)
         port = sock.getsockname()[1]
         names = own_names(self._host, port, machine=socket.gethostname())
         names += [join_address(name, port) for name in self._names]
@@ -214,7 +213,7 @@ class WebServer:
 
     def _protocol(self) -> asyncio.BaseProtocol:
         assert self._server is not None, "connections come after the start"
-        return _Connection(self._server, self._places, self._malformed)
+        return _Connection(self._server, self._connections, self._malformed)
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
         connection = cast("_Connection", request.protocol)
@@ -242,7 +241,7 @@ class WebServer:
         if path == "/recording" and self._live is not None and self._live.recording is not None:
             return await _recording(request, connection, self._live.recording)
         try:
-            with self._places.kept(connection, asyncio.get_running_loop().time()):
+            with self._connections.kept(connection, asyncio.get_running_loop().time()):
                 page = await self._page(request, head)
         except TooManyRequests:
             page = Page(_BUSY, status=503)
@@ -406,7 +405,7 @@ def _as_text(response: web.Response) -> bytes:
     return "\r\n".join(lines).encode() + body
 
 
-_NO_PLACE = _as_text(_response(Page(_BUSY, status=503)))
+_TOO_MANY = _as_text(_response(Page(_BUSY, status=503)))
 """The response to a connection that is closed before its request arrived."""
 
 
@@ -414,9 +413,9 @@ class _Connection(web.RequestHandler):
     """A connection of aiohttp that is closed after `REQUEST_TIMEOUT` and logs no tracebacks."""
 
     __slots__ = (
+        "_connections",
         "_is_other_user",
         "_malformed",
-        "_places",
         "_tab",
         "_timer",
         "_writing",
@@ -424,10 +423,12 @@ class _Connection(web.RequestHandler):
         "is_full",
     )
 
-    def __init__(self, server: web.Server, places: Places, malformed: ThrottledLog) -> None:
+    def __init__(
+        self, server: web.Server, connections: OpenConnections, malformed: ThrottledLog
+    ) -> None:
         no_log: Any = None  # no log line for each request
         super().__init__(server, loop=asyncio.get_running_loop(), access_log=no_log)
-        self._places = places
+        self._connections = connections
         self._malformed = malformed
         self._timer: asyncio.TimerHandle | None = None
         self._writing: asyncio.Transport | None = None
@@ -453,7 +454,7 @@ class _Connection(web.RequestHandler):
         self._writing = writing = cast("asyncio.Transport", transport)
         # Abort, not close: with close, a peer that does not read would keep its connection.
         self._timer = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, writing.abort)
-        self._places.take(self, asyncio.get_running_loop().time())
+        self._connections.add(self, asyncio.get_running_loop().time())
 
     def connection_lost(self, exc: BaseException | None) -> None:
         self._leave()
@@ -462,10 +463,10 @@ class _Connection(web.RequestHandler):
         super().connection_lost(exc)
 
     def make_room(self) -> None:
-        """Close at once, because new connections need the place; say so to the client."""
+        """Close at once, because there are too many connections; say so to the client."""
         if self._writing is not None and not self._writing.is_closing():
             if not self.is_answered:
-                self._writing.write(_NO_PLACE)  # the system has it before the connection is aborted
+                self._writing.write(_TOO_MANY)  # the system has it before the connection is aborted
             self._writing.abort()
 
     def keep(self, tab: Tab | None = None) -> None:
@@ -503,7 +504,7 @@ class _Connection(web.RequestHandler):
             self._writing.abort()
 
     def _leave(self) -> None:
-        self._places.leave(self)
+        self._connections.remove(self)
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -530,6 +531,7 @@ class _Connection(web.RequestHandler):
             super().log_exception(*args, **options)
 
     def _refused(self, problem: BaseException | None) -> None:
-        now, peer = asyncio.get_running_loop().time(), shown(self.peername)
+        now = asyncio.get_running_loop().time()
+        peer = join_address(*self.peername[:2]) if self.peername else "a client"
         text = "refused a request from %s: it is not valid HTTP (%s)"
         self._malformed.warning(now, text, peer, type(problem).__name__)

@@ -9,8 +9,7 @@ import time
 import msgspec
 
 from taskrpc import Role
-from taskrpc.core.security.roles import account_of
-from taskrpc.spi import AccountSource
+from taskrpc.spi import AccountSource, account_of
 
 
 class Holder(msgspec.Struct, frozen=True):

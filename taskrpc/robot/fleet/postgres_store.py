@@ -24,7 +24,6 @@ from typing import Any
 
 import msgspec
 
-from taskrpc.core.request_ids.ledger import LEASE as CLIENT_LEASE
 from taskrpc.errors import OutcomeUnknown, StoreError, TaskRpcError
 from taskrpc.robot.fleet.model import Meta, RobotRecord
 from taskrpc.robot.fleet.postgres_connection import (
@@ -40,7 +39,14 @@ from taskrpc.robot.fleet.postgres_schema import check_version, prepare
 from taskrpc.robot.fleet.state import Changes
 from taskrpc.robot.fleet.store import FleetStore, Outcome, Pending, RequestKey, carry_out
 from taskrpc.robot.tasks.model import Task
-from taskrpc.spi import ClientKey, Completion, CompletionBatch, Damaged, read_records
+from taskrpc.spi import (
+    CLIENT_LEASE,
+    ClientKey,
+    Completion,
+    CompletionBatch,
+    Damaged,
+    read_records,
+)
 
 log = logging.getLogger("taskrpc.fleet")
 

@@ -325,8 +325,8 @@ def carry_out(
             if state.tasks[task.task_id] != task:
                 state.put_task(task)
             return requests.halted(task, is_over=False)
-        case requests.Enqueue(task, keeps_place):
-            arrival = task.arrival if keeps_place else _new_arrival(state)
+        case requests.Enqueue(task, keeps_arrival):
+            arrival = task.arrival if keeps_arrival else _new_arrival(state)
             return _queue(state, now, task.requeued(now, arrival), estimated)
         case _:
             return _with_estimate(state, decision, estimated)

@@ -12,9 +12,15 @@ from taskrpc.node import Node
 from taskrpc.robot.fleet.manager import FleetManager, FleetSettings
 from taskrpc.robot.fleet.store import AlreadyCompleted, FleetStore
 from taskrpc.robot.protocol import Robot
-from taskrpc.robot.tasks.permissions import submitter
 from taskrpc.robot.tasks.responses import Resumed, TaskResponse
-from taskrpc.robot.tasks.server import OfferedTasks, completed, failed_call, filled, nothing_done
+from taskrpc.robot.tasks.services.offered_tasks import (
+    OfferedTasks,
+    completed,
+    failed_call,
+    filled,
+    nothing_done,
+)
+from taskrpc.robot.tasks.services.permissions import submitter
 from taskrpc.spi import ClientKey, Completion, Execution, IntrospectionState, StoredCompletions
 
 if TYPE_CHECKING:

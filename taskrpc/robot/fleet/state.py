@@ -244,7 +244,7 @@ class FleetState:
             self.robots[name] = robot
         if before is None or robot is None or _skills(before) != _skills(robot):
             self._abilities = None
-        if before is None or robot is None or _place(before) != _place(robot):
+        if before is None or robot is None or _progress(before) != _progress(robot):
             self.plan_version += 1
 
 
@@ -257,7 +257,7 @@ def _is_same_work(before: Task, task: Task) -> bool:
     )
 
 
-def _place(robot: RobotRecord) -> tuple[object, ...]:
+def _progress(robot: RobotRecord) -> tuple[object, ...]:
     return robot.pose, robot.free_at, robot.task_id, robot.is_gone, robot.paused
 
 

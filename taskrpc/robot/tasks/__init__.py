@@ -1,6 +1,7 @@
 """The robot's tasks: a durable priority queue, its worker, and the services that offer them.
 
-Start reading with `manager`, which has every operation on tasks; `server` offers it to the network.
+Start reading with `manager`, which has every operation on tasks. `server` offers it to the network,
+with `services`.
 `rules` decides what a request does to a task; a fleet has the same rules.
 `queue` holds the order and the estimates, `records` what survives a restart. Nothing here knows
 how a robot moves.

@@ -319,7 +319,7 @@ class TaskManager(ManagedRobot):
         if not isinstance(decision, rules.Enqueue):
             seconds = self.estimate(task_id) if decision.success else 0.0
             return msgspec.structs.replace(decision, estimated_time=seconds)
-        arrival = decision.task.arrival if decision.keeps_place else self.repository.new_arrival()
+        arrival = decision.task.arrival if decision.keeps_arrival else self.repository.new_arrival()
         stored = asyncio.get_running_loop().create_future()
         requeued = decision.task.requeued(self._settings.wall_clock(), arrival)
         response = self._accept(partial(resolve_future, stored), requeued)

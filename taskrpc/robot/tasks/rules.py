@@ -46,7 +46,7 @@ class Enqueue(msgspec.Struct, frozen=True):
 
     task: Task
     """The task as it ended."""
-    keeps_place: bool
+    keeps_arrival: bool
     """Whether it keeps its arrival, and so its place among tasks of its priority."""
 
 
@@ -167,7 +167,7 @@ def requeue(
         return refused(task, task_id, rule)
     if problem := refusal(task):
         return TaskResponse(False, problem)
-    return Enqueue(task, keeps_place=resume)
+    return Enqueue(task, keeps_arrival=resume)
 
 
 _TOO_LATE = "cannot be cancelled any more"

@@ -250,6 +250,8 @@ async def test_a_client_waits_for_a_server_that_starts_later():
     async with taskrpc.Node("client", transport="memory", listen="client") as calling:
         client = calling.create_action_client(Fibonacci, "fibonacci")
         assert not await client.wait_for_server(5)
+        with pytest.raises(ValueError, match=r"wait_for_server: timeout: expected seconds, .* '3'"):
+            await client.wait_for_server("3")
         waiting = asyncio.ensure_future(client.wait_for_server(60))
         async with taskrpc.Node("server", transport="memory", listen="server") as node:
             node.create_action_server(Fibonacci, "fibonacci", echo)

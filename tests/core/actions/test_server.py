@@ -548,12 +548,16 @@ async def test_wrong_settings_are_refused_with_what_was_expected():
             create(Fibonacci, "a", echo, goal=True)
         with pytest.raises(TypeError, match="`cancel=` of a: expected a function that takes a g"):
             create(Fibonacci, "a", echo, cancel=lambda: True)
-        with pytest.raises(ValueError, match="concurrency: expected at least 1, got 0"):
-            create(Fibonacci, "a", echo, concurrency=0)
-        with pytest.raises(ValueError, match="result_timeout: expected seconds from 0, got -1"):
-            create(Fibonacci, "a", echo, result_timeout=-1)
-        with pytest.raises(ValueError, match="feedback_depth: expected at least 1, got 0"):
-            node.create_action_client(Fibonacci, "a", feedback_depth=0)
+        for wrong in (0, "3"):
+            refusal = f"of a: expected a whole number from 1 on, such as 10, got {wrong!r}"
+            with pytest.raises(ValueError, match=f"concurrency {refusal}"):
+                create(Fibonacci, "a", echo, concurrency=wrong)
+            with pytest.raises(ValueError, match=f"feedback_depth {refusal}"):
+                node.create_action_client(Fibonacci, "a", feedback_depth=wrong)
+        for wrong in (-1, "3"):
+            refusal = f"result_timeout: expected seconds from 0, got {wrong!r}"
+            with pytest.raises(ValueError, match=refusal):
+                create(Fibonacci, "a", echo, result_timeout=wrong)
         assert node.status().services == ()
 
 

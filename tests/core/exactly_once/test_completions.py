@@ -6,15 +6,13 @@ import tracemalloc
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskrpc.core.exactly_once.completions import (
-    CompletionBatch,
-    CompletionIndex,
-    create_completion_table,
-    delete_completions,
-    read_completions,
+from taskrpc.core.exactly_once.completions import CompletionBatch, CompletionIndex
+from taskrpc.core.exactly_once.stores import (
+    clear_completions,
+    create_completion_tables,
+    read_stored_completions,
 )
 from taskrpc.core.request_ids.ids import Completion
-from taskrpc.core.storage.database import create_store, read_store_id, replace_store_id
 from tests.properties import examples
 
 CLIENTS = [("", bytes(16)), ("ann", b"a" * 16), ("it's ü\x00", b"\xff" * 16)]
@@ -25,8 +23,7 @@ calls = st.tuples(clients, st.integers(1, 6), st.integers(0, 2), st.lists(client
 def new_file():
     connection = sqlite3.connect(":memory:", isolation_level=None)
     connection.text_factory = bytes
-    create_store(connection)
-    create_completion_table(connection)
+    create_completion_tables(connection)
     return connection
 
 
@@ -44,20 +41,20 @@ def test_file_and_index_keep_the_same_completions(batches):
             memory.add(done, forgotten)
             writing.add(done, forgotten)
         writing.write(connection)
-    assert set(read_completions(connection)) == set(memory.all())
+    assert set(read_stored_completions(connection).completions) == set(memory.all())
     connection.close()
 
 
 def test_cleared_store_has_another_id_and_no_completions():
     connection = new_file()
-    before = read_store_id(connection)
+    before = read_stored_completions(connection).store_id
     batch = CompletionBatch()
     batch.add(Completion("", bytes(16), 1, 1, b"f", b"", 0, 1.0), ())
     batch.write(connection)
-    delete_completions(connection)
-    replace_store_id(connection)
-    assert read_store_id(connection) != before
-    assert read_completions(connection) == ()
+    clear_completions(connection)
+    after = read_stored_completions(connection)
+    assert after.store_id != before
+    assert after.completions == ()
     connection.close()
 
 

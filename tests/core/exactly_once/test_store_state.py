@@ -4,7 +4,7 @@ import pytest
 
 from taskrpc.core.exactly_once.store_state import LeaseClock
 from taskrpc.core.request_ids.ids import Completion, ReceivedId
-from taskrpc.core.request_ids.ledger import LEASE, Ledger, Verdict
+from taskrpc.core.request_ids.ledger import CLIENT_LEASE, Ledger, Verdict
 
 HOUR, YEAR = 3600.0, 365 * 24 * 3600.0
 
@@ -56,7 +56,7 @@ def test_a_store_without_completions_begins_with_the_time_of_day(machine):
     assert machine.now() == machine.wall
 
 
-@pytest.mark.parametrize("leap", [2 * LEASE, -2 * LEASE, 56 * YEAR])
+@pytest.mark.parametrize("leap", [2 * CLIENT_LEASE, -2 * CLIENT_LEASE, 56 * YEAR])
 def test_a_leap_while_a_server_runs_changes_nothing(machine, leap):
     machine.ask()
     machine.wrong_by += leap
@@ -86,7 +86,7 @@ def test_the_time_between_two_servers_does_not_count(machine):
 def test_a_day_in_which_servers_ran_ends_a_lease(machine):
     assert machine.ask() is Verdict.NEW
     for number in range(1, 13):
-        assert machine.age() < LEASE
+        assert machine.age() < CLIENT_LEASE
         machine.uptime += 2 * HOUR + 1.0
         machine.ask(number.to_bytes(16, "big"))
         machine.uptime += 22 * HOUR  # switched off

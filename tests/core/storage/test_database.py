@@ -11,7 +11,7 @@ import pytest
 from taskrpc import SqliteCompletions
 from taskrpc.core.request_ids.ids import Completion
 from taskrpc.core.storage import database as database_module
-from taskrpc.core.storage.database import Database, pragma
+from taskrpc.core.storage.database import Database
 from taskrpc.core.system import file_locks, private_files
 from taskrpc.errors import OutcomeUnknown, StoreError
 
@@ -484,4 +484,5 @@ def test_lock_gets_the_new_id_of_a_cleared_store(database, path):
 
 def test_change_is_on_the_disk_before_it_is_acknowledged(database):
     full = 2
-    assert database.read(lambda connection: pragma(connection, "synchronous")) == full
+    work = lambda connection: connection.execute("PRAGMA synchronous").fetchone()  # noqa: E731
+    assert database.read(work) == (full,)

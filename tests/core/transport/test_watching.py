@@ -9,7 +9,7 @@ import pytest
 import taskrpc
 from taskrpc.core.observer import Observer
 from taskrpc.core.transport.connection.server_side import ServingConnection
-from taskrpc.core.wire.messages import STATISTICS, Resolved, encode
+from taskrpc.core.wire.messages import Resolved, encode
 from taskrpc.core.wire.statistics import ServiceStatistics
 from taskrpc.errors import HandlerError
 from tests.core.transport.helpers import Add, add, ask
@@ -159,21 +159,6 @@ async def test_a_program_that_offers_nothing_has_neither_statistics_nor_a_proble
     async with program("ada"), program("top") as top:
         (found,) = [each for each in await top.statistics() if each.entry.nodes == ("/ada",)]
         assert (found.statistics, found.problem) == (None, "")
-
-
-async def test_a_program_of_an_older_version_has_a_problem(monkeypatch):
-    resolve = ServingConnection._resolved
-
-    def older(self, event):
-        if event.question.name == STATISTICS:
-            event.question.name = "/statistics"
-        resolve(self, event)
-
-    monkeypatch.setitem(ServingConnection.handlers, _resolve_event(), older)
-    async with program("server") as server, program("top") as top:
-        server.create_service(Add, "add", add)
-        (found,) = await top.statistics()
-        assert found.problem == "it runs an older taskrpc, which has no statistics"
 
 
 async def test_a_program_that_does_not_answer_has_a_problem_after_the_timeout(monkeypatch):

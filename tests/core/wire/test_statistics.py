@@ -16,11 +16,9 @@ from taskrpc.core.wire.statistics import (
     Statistics,
     bucket_of,
     decode_statistics,
-    is_error,
     percentile,
-    rate,
 )
-from taskrpc.errors import Code, ProtocolError
+from taskrpc.errors import ProtocolError
 
 
 @given(st.floats(min_value=2e-6, max_value=5e5))
@@ -57,15 +55,6 @@ def test_no_calls_have_no_percentile():
 def test_counts_of_any_peer_give_a_percentile_or_none(durations, fraction):
     found = percentile({k: v for k, v in durations.items() if v >= 0}, fraction)
     assert found is None or found > 0
-
-
-def test_cancelled_calls_are_no_errors():
-    assert [code for code in Code if not is_error(code)] == [Code.OK, Code.CANCELLED]
-
-
-@pytest.mark.parametrize("seconds", [0.0, -1.0, math.nan, math.inf])
-def test_there_is_no_rate_without_time(seconds):
-    assert rate(5, seconds) is None
 
 
 def test_statistics_keep_their_values_on_the_wire():

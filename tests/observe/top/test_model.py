@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from taskrpc.core.transport.base import ProgramStatistics
@@ -49,6 +51,12 @@ def test_rate_is_the_difference_of_two_readings():
     assert row.per_second == 10
     assert row.p50 == pytest.approx(0.001, rel=0.1)
     assert row.codes == {0: 20}
+
+
+@pytest.mark.parametrize("clock", [-1.0, 0.0, math.nan, math.inf])
+def test_a_clock_that_does_not_advance_gives_no_rate(clock):
+    (row,) = view_after(reading(0, 5), reading(clock, 25)).services
+    assert row.per_second is None
 
 
 def test_rates_are_those_of_the_last_five_seconds():

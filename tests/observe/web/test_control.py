@@ -11,7 +11,7 @@ from taskrpc.observe.web import control
 from taskrpc.observe.web.control import Control
 from taskrpc.observe.web.tokens import Holder
 from taskrpc.robot.tasks import MemoryStore, TaskServer
-from taskrpc.robot.tasks.server import load_types
+from taskrpc.robot.tasks.services.offered_tasks import load_types
 from tests.robot.tasks.fakes import LineRobot
 
 SECRET = "s" * 20

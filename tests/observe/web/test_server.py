@@ -14,7 +14,7 @@ import trustme
 
 import taskrpc
 from taskrpc.observe.metrics import CONTENT_TYPE
-from taskrpc.observe.web import Page, places, server, streams, task_pages
+from taskrpc.observe.web import Page, open_connections, server, streams, task_pages
 from taskrpc.observe.web.control import Control
 from taskrpc.observe.web.live import Live
 from taskrpc.observe.web.pages import static_files
@@ -22,7 +22,7 @@ from taskrpc.observe.web.server import LivePage, WebServer
 from taskrpc.observe.web.streams import LiveStream
 from taskrpc.observe.web.tokens import Tokens
 from taskrpc.robot.tasks import MemoryStore, TaskServer
-from taskrpc.robot.tasks.server import load_types
+from taskrpc.robot.tasks.services.offered_tasks import load_types
 from tests.observe.metrics.exposition import read
 from tests.observe.web.test_streams import read as read_events
 from tests.robot.tasks.fakes import LineRobot
@@ -124,7 +124,7 @@ async def test_hundreds_of_unfinished_requests_do_not_delay_a_page(web, unfinish
     monkeypatch.setattr(server, "REQUEST_TIMEOUT", 1_000)
     host, _, port = web.url.rpartition("/")[2].rpartition(":")
     unfinished_ones = []
-    for _ in range(2 * places.MAX_UNFINISHED):
+    for _ in range(2 * open_connections.MAX_UNFINISHED):
         _, writer = await asyncio.open_connection(host, int(port))
         writer.write(unfinished)
         unfinished_ones.append(writer)
@@ -135,8 +135,8 @@ async def test_hundreds_of_unfinished_requests_do_not_delay_a_page(web, unfinish
 
 
 async def test_page_in_progress_is_not_closed_for_new_connections(monkeypatch):
-    monkeypatch.setattr(places, "MAX_CONNECTIONS", 1)
-    monkeypatch.setattr(places, "MAX_UNFINISHED", 1)
+    monkeypatch.setattr(open_connections, "MAX_CONNECTIONS", 1)
+    monkeypatch.setattr(open_connections, "MAX_UNFINISHED", 1)
     asked, go_on = asyncio.Event(), asyncio.Event()
 
     async def slow():
@@ -465,7 +465,7 @@ async def test_each_of_190_pages_that_open_at_one_instant_gets_its_events_or_a_5
     page, monkeypatch
 ):
     # A busy machine opens 190 connections slowly.
-    monkeypatch.setattr(places, "TIME_TO_ASK", 60.0)
+    monkeypatch.setattr(open_connections, "TIME_TO_ASK", 60.0)
     monkeypatch.setattr(server, "REQUEST_TIMEOUT", 60.0)
     host, _, port = page.url.rpartition("/")[2].rpartition(":")
     request = f"GET /live HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode()
@@ -486,7 +486,7 @@ async def test_each_of_190_pages_that_open_at_one_instant_gets_its_events_or_a_5
 
 
 async def test_request_above_the_limit_gets_status_503(monkeypatch):
-    monkeypatch.setattr(places, "MAX_ANSWERED", 1)
+    monkeypatch.setattr(open_connections, "MAX_ANSWERED", 1)
     asked, go_on = asyncio.Event(), asyncio.Event()
 
     async def slow():

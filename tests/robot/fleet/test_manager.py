@@ -15,7 +15,7 @@ from taskrpc.robot import Box, KinematicRobot, TargetError, World, default_world
 from taskrpc.robot.fleet import rules
 from taskrpc.robot.fleet.manager import FleetManager, FleetSettings
 from taskrpc.robot.fleet.store import MemoryFleet, MemoryFleetStore
-from taskrpc.robot.tasks.pages import page
+from taskrpc.robot.tasks.services.pages import page
 from tests.properties import examples
 from tests.robot.fleet.fakes import Fleet
 from tests.robot.tasks.fakes import LineRobot

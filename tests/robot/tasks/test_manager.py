@@ -11,10 +11,10 @@ from taskrpc.errors import StoreError
 from taskrpc.robot.protocol import TargetError
 from taskrpc.robot.tasks.manager import TaskManager, TaskSettings
 from taskrpc.robot.tasks.model import TaskState
-from taskrpc.robot.tasks.pages import page
 from taskrpc.robot.tasks.records.sqlite_store import SqliteStore
 from taskrpc.robot.tasks.records.store import MemoryStore
 from taskrpc.robot.tasks.responses import Resumed
+from taskrpc.robot.tasks.services.pages import page
 from taskrpc.testing import VirtualTimeLoop
 from tests.properties import examples
 from tests.robot.tasks.fakes import LineRobot

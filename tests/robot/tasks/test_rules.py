@@ -176,13 +176,13 @@ def test_queued_task_is_not_queued_again(resume):
 
 @pytest.mark.parametrize("state", [TaskState.FAILED, TaskState.CANCELED, TaskState.INTERRUPTED])
 def test_ended_task_is_queued_again_unless_it_is_refused(state):
-    assert requeue(state) == rules.Enqueue(task(state), keeps_place=False)
+    assert requeue(state) == rules.Enqueue(task(state), keeps_arrival=False)
     assert requeue(state, problem="Queue full") == TaskResponse(False, "Queue full")
 
 
 def test_only_an_interrupted_task_gets_its_old_place():
     interrupted = task(TaskState.INTERRUPTED)
-    assert requeue(interrupted.state, resume=True) == rules.Enqueue(interrupted, keeps_place=True)
+    assert requeue(interrupted.state, resume=True) == rules.Enqueue(interrupted, keeps_arrival=True)
     for state in (TaskState.FAILED, TaskState.CANCELED):
         refused = requeue(state, resume=True)
         assert refused.message == (

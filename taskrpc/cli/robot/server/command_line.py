@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from taskrpc.robot.protocol import Robot
     from taskrpc.robot.tasks import SqliteStore
     from taskrpc.robot.tasks.records.store import TaskStore
-    from taskrpc.robot.tasks.server import OfferedTasks
+    from taskrpc.robot.tasks.services.offered_tasks import OfferedTasks
     from taskrpc.testing import CallFaults
 
 _Result = TypeVar("_Result")
@@ -156,10 +156,10 @@ def _namespace(text: str) -> str:
 
 def _fault(spec: str) -> str:
     """Return a valid specification of a fault. Raises argparse's ArgumentTypeError."""
-    from taskrpc.testing.fault_specs import parse_fault  # few servers inject faults
+    from taskrpc.testing import CallFaults  # few servers inject faults
 
     try:
-        parse_fault(spec)
+        CallFaults(spec)
     except ValueError as error:
         raise argparse.ArgumentTypeError(str(error)) from None
     return spec
@@ -431,7 +431,7 @@ async def _claimed(
 
     Raises StoreError.
     """
-    from taskrpc.robot.tasks.server import load_types
+    from taskrpc.robot.tasks.services.offered_tasks import load_types
 
     load_types()  # now, so that it does not delay the start after the wait
     claim = asyncio.ensure_future(store.claim(lambda error: say(f"standing by: {error.fact}")))

@@ -23,7 +23,7 @@ from taskrpc.observe.metrics import Metrics
 from taskrpc.observe.metrics.tasks import MeasuredStore, task_families
 from taskrpc.robot.tasks.model import RUNNING_KEY
 from taskrpc.robot.tasks.records.store import TaskStore
-from taskrpc.robot.tasks.server import OfferedTasks, load_types
+from taskrpc.robot.tasks.services.offered_tasks import OfferedTasks, load_types
 from taskrpc.spi import AccountSource, address_here, check_listen_policy, is_loopback, split_address
 
 try:

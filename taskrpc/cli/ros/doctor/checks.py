@@ -16,7 +16,6 @@ import msgspec
 import srvgen
 from taskrpc.cli.shared.processes import Process
 from taskrpc.cli.shared.remote import HERE, LISTING_TIMEOUT, Remote, called_lab
-from taskrpc.core.names import is_hidden
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
 from taskrpc.spi import (
@@ -29,6 +28,8 @@ from taskrpc.spi import (
     folders,
     is_unix,
     keepalive_of,
+    names,
+    path_of,
     private_files,
     process_state,
     suggestions,
@@ -158,7 +159,7 @@ def _nothing_offered() -> Finding:
 
 async def in_place_of_the_lab(lab: Remote) -> AsyncIterator[Finding]:
     """Note the programs of this machine that take the calls of services of the joined lab."""
-    offered = {each.name for each in await _services(lab) if not is_hidden(each.name)}
+    offered = {each.name for each in await _services(lab) if not names.is_hidden(each.name)}
     for entry in suggestions.domains().get(domain_id(), []):
         if taken := [name for name in suggestions.services([entry]) if name in offered]:
             more = f" and {len(taken) - 1} more" if len(taken) > 1 else ""
@@ -182,9 +183,14 @@ def _silent(entry: RegistryEntry, error: TaskRpcError) -> Finding:
     """Return why a program does not respond, although its registry entry shows that it runs."""
     if process_state.is_stopped(entry.pid):
         return problem(
-            f"{_program(entry)} does not answer: it is stopped, as by Ctrl-Z",
+            f"{_program(entry)} does not answer: it {process_state.STOPPED}",
             f"`fg` in its terminal or `kill -CONT {entry.pid}` continues it; `taskrpc stop"
             f" {entry.pid}` ends it",
+        )
+    if is_unix(entry.address) and not os.path.lexists(path := path_of(entry.address)):
+        return problem(
+            f"{_program(entry)} cannot be called: its socket {path} was removed",
+            f"end it with `taskrpc stop {entry.pid}`, and start it again",
         )
     advice = (
         "a callback may block its event loop (its log names the callback), or the program hangs:"
@@ -249,11 +255,11 @@ _HEALTH_TYPE = "std_srvs/srv/Trigger"
 async def check_health(remote: Remote) -> AsyncIterator[Finding]:
     """Call the health services of this machine, or of HOST:PORT; nothing if none responds."""
     try:
-        names = _health_services(await _services(remote))
+        services = _health_services(await _services(remote))
     except TaskRpcError:
         return  # an earlier check has reported the reason
     async with remote.node() as node:
-        for finding in await asyncio.gather(*(_health_of(node, name) for name in names)):
+        for finding in await asyncio.gather(*(_health_of(node, name) for name in services)):
             if finding is not None:
                 yield finding
 

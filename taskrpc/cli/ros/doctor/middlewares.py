@@ -8,7 +8,6 @@ from importlib.metadata import PackageNotFoundError, version
 
 from taskrpc.cli.ros.doctor.checks import Finding, note, ok, problem
 from taskrpc.cli.shared.remote import Remote
-from taskrpc.core.transport.shared_endpoint import TRANSPORTS
 from taskrpc.errors import TaskRpcError
 from taskrpc.middleware.zenoh.configuration import (
     FILE_VARIABLE,
@@ -51,7 +50,7 @@ def _zenoh(remote: Remote) -> Iterator[Finding]:
     try:
         yield ok(f"eclipse-zenoh {version('eclipse-zenoh')}")
     except PackageNotFoundError:
-        yield problem("eclipse-zenoh is not installed", TRANSPORTS["zenoh"].advice())
+        yield problem("eclipse-zenoh is not installed", registered("zenoh").advice())
         return
     peers = environment_peers() if remote.peers is None else remote.peers
     try:

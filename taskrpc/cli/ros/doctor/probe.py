@@ -16,9 +16,8 @@ from functools import partial
 from taskrpc.cli.ros.doctor import encryption
 from taskrpc.cli.ros.doctor.checks import Finding, ok, problem
 from taskrpc.cli.shared.remote import Remote
-from taskrpc.core.transport.connection.dialling import STOPPED, with_address
 from taskrpc.errors import AuthenticationFailed, ConnectionLost, ProtocolError, TaskRpcError
-from taskrpc.spi import is_unix, path_of, split_address
+from taskrpc.spi import is_unix, path_of, process_state, split_address, with_address
 
 STEP_TIMEOUT = 4.0
 """Seconds for each step."""
@@ -148,7 +147,7 @@ async def _list_services(remote: Remote) -> Finding:
     except (ConnectionLost, ProtocolError) as error:
         if advice := _advice(str(error)):
             return problem(with_address(address, error), advice)
-        if STOPPED in str(error):
+        if process_state.STOPPED in str(error):
             return problem(*str(error).split("; ", 1))
         is_silent = "within" in str(error) or "did not respond" in str(error)
         advice = _NO_RESPONSE if is_silent else "another program than taskrpc listens there"

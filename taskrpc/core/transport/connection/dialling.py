@@ -13,8 +13,6 @@ from taskrpc.core.transport.connection.client_side import HANDSHAKE_LOST, Callin
 from taskrpc.core.transport.network import Address, Network
 from taskrpc.errors import AuthenticationFailed, ConnectionLost, TaskRpcError
 
-STOPPED = "is stopped, as by Ctrl-Z"
-
 ASK_FOR_STRING = "the account was revoked or has expired: ask for a new join string"
 
 READY_TIMEOUT = 4.0
@@ -151,7 +149,7 @@ def why_silent(address: Address) -> str:
     if not address.pid or not process_state.is_stopped(address.pid):
         return ""
     return (
-        f"{address.script} (pid {address.pid}) {STOPPED}; `fg` in its terminal or"
+        f"{address.script} (pid {address.pid}) {process_state.STOPPED}; `fg` in its terminal or"
         f" `kill -CONT {address.pid}` continues it, `taskrpc stop {address.pid}` ends it"
     )
 

@@ -133,7 +133,7 @@ class TcpNetwork:
         # Bound at once, so that the address can be announced before the next turn of the loop.
         # Connections that arrive earlier wait in the kernel's backlog.
         try:
-            sock = bound(host, port)
+            sock = listening_socket(host, port)
         except CannotListen as error:
             if port:
                 error.add_note("if another program has this port, `taskrpc ps` may show it: end it")
@@ -359,7 +359,7 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def bound(host: str, port: int) -> socket.socket:
+def listening_socket(host: str, port: int) -> socket.socket:
     """Return a listening socket. Raises CannotListen."""
     from taskrpc.core.transport.tcp.listening import BACKLOG
 

@@ -15,9 +15,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final, Self, cast
 
-from taskrpc.core.transport import shared_endpoint
 from taskrpc.course.browser_lab.tab.threads import Handle, Scheduler
-from taskrpc.spi import current_program
+from taskrpc.spi import close_program, current_program
 
 FOLDER: Final = Path("/lab")
 """The folder of the student's files, in the worker's memory."""
@@ -228,7 +227,7 @@ class Program:
             if not self._programs.scheduler.idents(self.name):
                 break
             await asyncio.sleep(_TURN)
-        await shared_endpoint.close_program(self.name)
+        await close_program(self.name)
         self._cancel_tasks()
         self.exit_code = code
         self._changed.set()

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from pathlib import PurePosixPath
 from typing import Any
 
-from taskrpc.core.transport import shared_endpoint
 from taskrpc.course.browser_lab.tab.delays import Delays
 from taskrpc.course.browser_lab.tab.programs import FOLDER, Programs
 from taskrpc.course.browser_lab.tab.robot import TabRobot
@@ -21,7 +20,7 @@ from taskrpc.course.labs import catalogue
 from taskrpc.course.labs.grading import findings
 from taskrpc.course.labs.variants import Variant
 from taskrpc.errors import TaskRpcError
-from taskrpc.spi import current_program
+from taskrpc.spi import TRANSPORTS, current_program
 
 _IMPORTED = tuple(f"taskrpc.ros.packages.rclpy{each}" for each in ("", ".executors", ".node"))
 """What nearly every program imports; importing it in advance saves each first run seconds."""
@@ -49,7 +48,7 @@ class Session:
     def open(self) -> None:
         """Prepare the tab for programs."""
         # All programs of the tab are in one interpreter; there are no sockets.
-        shared_endpoint.TRANSPORTS["tcp"] = shared_endpoint.TRANSPORTS["memory"]
+        TRANSPORTS["tcp"] = TRANSPORTS["memory"]
         FOLDER.mkdir(exist_ok=True)
         sys.path.insert(0, str(FOLDER))
         self._programs.install()

@@ -10,13 +10,14 @@ from collections.abc import Callable, Collection, Iterator
 from contextvars import ContextVar
 from typing import Protocol
 
-from taskrpc.core.transport import shared_endpoint
 from taskrpc.errors import NameInUse, TaskRpcError
 from taskrpc.spi import (
+    TRANSPORTS,
     Address,
     EntryChange,
     Factory,
     Listener,
+    Registration,
     RegistryEntry,
     Settings,
     TrackedEntry,
@@ -184,13 +185,13 @@ class SandboxNetwork:
 def network_of(check: SandboxCheck) -> Iterator[None]:
     """Let new nodes with this transport use the sandbox of a check."""
     opener = "taskrpc.course.labs.sandbox.network:open_network"
-    shared_endpoint.TRANSPORTS[TRANSPORT] = shared_endpoint.Registration(opener)
+    TRANSPORTS[TRANSPORT] = Registration(opener)
     token = _check.set(check)
     try:
         yield
     finally:
         _check.reset(token)
-        del shared_endpoint.TRANSPORTS[TRANSPORT]
+        del TRANSPORTS[TRANSPORT]
 
 
 def open_network(settings: Settings) -> SandboxNetwork:

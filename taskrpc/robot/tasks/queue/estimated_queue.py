@@ -27,7 +27,7 @@ from taskrpc.robot.tasks.queue.schedule import Shift
 from taskrpc.robot.tasks.queue.task_queue import TaskQueue
 
 _ALL_TASKS = BEFORE_RUNNING_KEY  # an event behind this place counts for the running task too
-_NO_PLACE: OrderKey = (BEFORE_RUNNING_KEY[0] - 1, 0)  # no event counts for a task at this place
+_BEFORE_EVENTS: OrderKey = (BEFORE_RUNNING_KEY[0] - 1, 0)  # no event counts for a task here
 _LISTED_CHANGES = 100
 
 
@@ -113,7 +113,7 @@ class EstimatedQueue:
         """
         task = self._queued(task_id)
         removed = RemovedTask(task, self._accepted.pop(task_id), self._done_at(task))
-        removed.accepted.move(self.log.mark(), _NO_PLACE)
+        removed.accepted.move(self.log.mark(), _BEFORE_EVENTS)
         self._log_shifts(self.queue.remove(task_id), f"task {task_id} {cause}")
         return removed
 

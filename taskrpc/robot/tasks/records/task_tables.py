@@ -8,8 +8,6 @@ from typing import TypeAlias
 
 import msgspec
 
-from taskrpc.core.exactly_once.completions import FORGET, SAVE, SETTLE, as_json
-from taskrpc.core.storage.database import create_store, pragma, read_store_id, replace_store_id
 from taskrpc.errors import StoreError
 from taskrpc.robot.tasks.model import Task
 from taskrpc.robot.tasks.records.store import Stored
@@ -19,10 +17,10 @@ from taskrpc.spi import (
     CompletionBatch,
     Damaged,
     Database,
-    create_completion_table,
-    delete_completions,
-    read_completions,
+    clear_completions,
+    create_completion_tables,
     read_records,
+    read_stored_completions,
     refuse_other_tables,
     with_checksum,
 )
@@ -61,9 +59,7 @@ _EQUIPMENT = (
         UPDATE server SET next_id = NEW.next_id WHERE next_id < NEW.next_id;
         UPDATE server SET paused = NEW.paused WHERE NEW.paused IS NOT NULL;
         DELETE FROM task WHERE task_id IN (SELECT value FROM json_each(NEW.gone));
-        {FORGET.format("NEW.lapsed")};
-        {SAVE.format("NEW.completed")};
-        {SETTLE.format("NEW.settled")};
+        {CompletionBatch.sql("NEW.lapsed", "NEW.completed", "NEW.settled")};
         UPDATE taskrpc_store SET commits = NEW.commits;
     END
     """,
@@ -81,11 +77,11 @@ def prepare(connection: sqlite3.Connection) -> None:
         StoreError: it is another program's database, or another version of taskrpc wrote it.
     """
     is_new = connection.execute("SELECT 1 FROM sqlite_master").fetchone() is None
-    if is_new and pragma(connection, "application_id") == 0:
+    if is_new and _pragma(connection, "application_id") == 0:
         _create(connection)
-    if pragma(connection, "application_id") != _APPLICATION_ID:
+    if _pragma(connection, "application_id") != _APPLICATION_ID:
         raise StoreError("expected a task database, found another program's database")
-    version = pragma(connection, "user_version")
+    version = _pragma(connection, "user_version")
     if version != FORMAT:
         raise StoreError(
             f"expected a task database of format {FORMAT}, found format {version}; "
@@ -95,8 +91,7 @@ def prepare(connection: sqlite3.Connection) -> None:
 
 
 def _create(connection: sqlite3.Connection) -> None:
-    create_store(connection)
-    create_completion_table(connection)
+    create_completion_tables(connection)
     for statement in _TABLES:
         connection.execute(statement)
 
@@ -119,8 +114,8 @@ def load(connection: sqlite3.Connection) -> Stored:
     if server is None or not all(isinstance(each, int) for each in server):
         raise Damaged("server", "expected one row with the next number and whether it is paused")
     next_id = max([server[0], *(task.task_id + 1 for task in tasks[-1:])])
-    store_id, completions = read_store_id(connection), read_completions(connection)
-    return Stored(tasks, next_id, store_id, bool(server[1]), completions)
+    stored = read_stored_completions(connection)
+    return Stored(tasks, next_id, stored.store_id, bool(server[1]), stored.completions)
 
 
 def row_of(task: Task) -> Row:
@@ -160,7 +155,7 @@ def _values(
     saved = [row for row in tasks.values() if row is not None]
     gone = [number for number, row in tasks.items() if row is None]
     next_id = 1 + max((number for number, *_ in saved), default=0)
-    return as_json(saved), as_json(gone), next_id, paused, *completions.rows()
+    return _as_json(saved), _as_json(gone), next_id, paused, *completions.rows()
 
 
 def clear(connection: sqlite3.Connection) -> None:
@@ -168,5 +163,14 @@ def clear(connection: sqlite3.Connection) -> None:
     connection.execute("DELETE FROM task")
     connection.execute("DELETE FROM server")
     connection.execute("INSERT INTO server VALUES (1, 0)")
-    delete_completions(connection)
-    replace_store_id(connection)
+    clear_completions(connection)
+
+
+def _as_json(rows: Sequence[object]) -> str:
+    return msgspec.json.encode(rows).decode()
+
+
+def _pragma(connection: sqlite3.Connection, name: str) -> int:
+    """Return a number that SQLite keeps in the file's header."""
+    value: int = connection.execute(f"PRAGMA {name}").fetchone()[0]
+    return value

@@ -41,8 +41,8 @@ def get_package_share_path(package_name: str, print_warning: bool = True) -> Pat
     if folder is None:
         folder = stand_in(package_name)
     if folder is None:
-        places = [str(one) for one in _starts()]
-        raise PackageNotFoundError(f"package '{package_name}' not found, searching: {places}")
+        searched = [str(one) for one in _starts()]
+        raise PackageNotFoundError(f"package '{package_name}' not found, searching: {searched}")
     return folder
 
 

@@ -18,7 +18,7 @@ from launch.substitution import (
 )
 from launch.utilities.type_utils import perform_typed_substitution
 
-from taskrpc.core.yaml_text import load
+from taskrpc.spi import yaml_text
 
 
 class ParameterValue:
@@ -110,7 +110,7 @@ class ParameterFile:
         parts = Parser().parse_substitution(path.read_text("utf-8"))
         text = perform_substitutions(context, parts)
         try:
-            load(text)
+            yaml_text.load(text)
         except yaml.YAMLError as error:
             raise RuntimeError(
                 f"The substituted parameter file is not a valid yaml file: {path}: {error}"
@@ -144,7 +144,7 @@ def value_of(context: Any, name: str, value: Any) -> Any:
 
 def _of_text(name: str, text: str) -> Any:
     try:
-        found = load(text)
+        found = yaml_text.load(text)
     except yaml.YAMLError:
         raise TypeError(
             f"Unable to parse the value of parameter {name} as yaml. If the parameter is meant to"

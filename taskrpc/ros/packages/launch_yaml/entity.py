@@ -8,7 +8,7 @@ import yaml
 from launch.frontend.entity import Entity as _Entity
 from launch.launch_description_source import InvalidLaunchFileError
 
-from taskrpc.core.yaml_text import load, message
+from taskrpc.spi import yaml_text
 
 _CHILDREN = "children"
 
@@ -20,11 +20,12 @@ class Entity(_Entity):
 def read_yaml(text: str, location: str) -> Entity:
     """Return the outermost element of a YAML text; raises InvalidLaunchFileError."""
     try:
-        found = load(text)
+        found = yaml_text.load(text)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = "" if mark is None else f", line {mark.line + 1}"
-        raise InvalidLaunchFileError(f"{location}{line}: invalid YAML: {message(error)}") from None
+        problem = f"{location}{line}: invalid YAML: {yaml_text.message(error)}"
+        raise InvalidLaunchFileError(problem) from None
     if not isinstance(found, dict) or len(found) != 1:
         raise InvalidLaunchFileError(f"{location}: expected one key, launch, at the top")
     name, content = next(iter(found.items()))

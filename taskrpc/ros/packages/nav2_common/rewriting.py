@@ -30,13 +30,13 @@ def rewritten(
         converts_numbers: turn new values such as `"3"` into numbers.
     """
     data = {} if data is None else data
-    for holder, key, path in list(_places(data, "")):
+    for holder, key, path in list(_entries(data, "")):
         wanted = parameters.get(path, parameters.get(str(key)))
         if wanted is None and isinstance(holder[key], str):
             wanted = values.get(holder[key])
         if wanted is not None:
             holder[key] = converted(wanted, converts_numbers)
-    known = {path for _, _, path in _places(data, "")}
+    known = {path for _, _, path in _entries(data, "")}
     for path, value in parameters.items():
         if path not in known and _PARAMETERS in path.split("."):
             _add(data, path.split("."), converted(value, converts_numbers))
@@ -53,13 +53,13 @@ def converted(text: str, converts_numbers: bool) -> Any:
     return {"true": True, "false": False}.get(text.lower(), text)
 
 
-def _places(data: Any, path: str) -> Iterator[tuple[Any, Any, str]]:
+def _entries(data: Any, path: str) -> Iterator[tuple[Any, Any, str]]:
     """Each key and each index, with the dict or list that has it, and its path."""
     if not isinstance(data, (dict, list)):
         return
     for key, value in list(data.items() if isinstance(data, dict) else enumerate(data)):
         inner = f"{path}.{key}" if path else str(key)
-        yield from _places(value, inner)
+        yield from _entries(value, inner)
         yield data, key, inner
 
 

@@ -10,8 +10,8 @@ import weakref
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, Self, cast
 
-from taskrpc.core.names import fully_qualified
 from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv
+from taskrpc.spi import names
 
 from ._impl import cells
 from ._impl.arguments import Arguments, Remapping, parse
@@ -158,7 +158,7 @@ class BaseNode(ParameterMethods, GraphMethods):
         name = remapping.node_name(node_name)
         namespace = remapping.namespace(namespace, name)
         if cells.current is not None:
-            full_name = fully_qualified(f"/{namespace.strip('/')}", name)
+            full_name = names.fully_qualified(f"/{namespace.strip('/')}", name)
             cells.current.node_joins(cast("NodeInterface", self), full_name)
         bridge = Bridge(name, namespace, self._context.get_domain_id())
         return NodeHandle(self, name, bridge.namespace, remapping, bridge)

@@ -147,8 +147,8 @@ def _finite(element: _Element, name: str, text: str) -> float:
     except ValueError:
         number = math.nan
     if not math.isfinite(number):
-        place = f"line {element.line}: '{name}' of <{element.tag}>"
-        raise UrdfError(f"{place}: expected a number, got {text!r}")
+        where = f"line {element.line}: '{name}' of <{element.tag}>"
+        raise UrdfError(f"{where}: expected a number, got {text!r}")
     return number
 
 
@@ -158,8 +158,8 @@ def _vector(element: _Element, name: str, default: Vector) -> Vector:
         return default
     words = text.split()
     if len(words) != 3:
-        place = f"line {element.line}: '{name}' of <{element.tag}>"
-        raise UrdfError(f"{place}: expected three numbers, got {text!r}")
+        where = f"line {element.line}: '{name}' of <{element.tag}>"
+        raise UrdfError(f"{where}: expected three numbers, got {text!r}")
     x, y, z = (_finite(element, name, word) for word in words)
     return (x, y, z)
 

@@ -49,8 +49,8 @@ def do_transform_cloud(cloud: PointCloud2, transform: Any) -> PointCloud2:
         transform: a TransformStamped, whose header the result gets.
     """
     points = read_points(cloud, reshape_organized_cloud=cloud.height > 1).copy()
-    places = np.stack([points[axis] for axis in _AXES], axis=-1)
-    found = transform_points(places, transform)
+    positions = np.stack([points[axis] for axis in _AXES], axis=-1)
+    found = transform_points(positions, transform)
     for number, axis in enumerate(_AXES):
         points[axis] = found[..., number]
     result = create_cloud(deepcopy(transform.header), cloud.fields, points, cloud.point_step)

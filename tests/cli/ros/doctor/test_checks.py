@@ -1,5 +1,7 @@
 """`taskrpc doctor` calls the health services of servers; the docs show it on this machine."""
 
+import os
+import sys
 import time
 
 import pytest
@@ -78,6 +80,17 @@ async def test_server_of_all_networks_is_reached_from_this_machine(listens, aske
     entry = RegistryEntry(pid=1, script="taskrpc", folder="", since=0.0, address=listens)
     assert (await checks._reach(entry)).state == "ok"
     assert places == [asked]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Python has no Unix sockets on Windows")
+async def test_removed_socket_of_a_running_program_is_named(tmp_path):
+    path = tmp_path / "robot.sock"
+    entry = RegistryEntry(os.getpid(), "robot.py", "/home/ada", 0.0, f"unix:{path}")
+    where = f"robot.py (pid {os.getpid()}, in /home/ada)"
+    assert await checks._reach(entry) == checks.problem(
+        f"{where} cannot be called: its socket {path} was removed",
+        f"end it with `taskrpc stop {os.getpid()}`, and start it again",
+    )
 
 
 @pytest.fixture

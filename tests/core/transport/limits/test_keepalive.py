@@ -11,7 +11,7 @@ import pytest
 import taskrpc
 from taskrpc.core.transport.limits.keepalive import _INFO as INFO
 from taskrpc.core.transport.limits.keepalive import PROFILES, TcpTimeouts, drop_dead_peers
-from taskrpc.core.transport.tcp.tcp_network import bound
+from taskrpc.core.transport.tcp.tcp_network import listening_socket
 from taskrpc.core.wire.frames import FrameType
 from taskrpc.testing import FaultyNetwork
 from tests.core.transport.helpers import Add, Gate, ask, until
@@ -119,7 +119,7 @@ async def test_nodes_with_different_profiles_have_connections_of_their_own():
 @pytest.mark.parametrize("profile", PROFILES)
 async def test_both_ends_set_the_kernel_timeouts(profile):
     keepalive = PROFILES[profile]
-    with contextlib.closing(bound("127.0.0.1", 0)) as free:
+    with contextlib.closing(listening_socket("127.0.0.1", 0)) as free:
         place = f"127.0.0.1:{free.getsockname()[1]}"
     async with (
         taskrpc.Node("s", listen=place, token="s", keepalive=profile) as server,
@@ -158,7 +158,7 @@ async def test_an_idle_connection_keeps_nothing_for_a_full_peer():
 async def test_a_peer_with_a_full_buffer_is_kept_until_it_reads():
     loop = asyncio.get_running_loop()
     with contextlib.ExitStack() as stack:
-        listening = stack.enter_context(bound("127.0.0.1", 0))
+        listening = stack.enter_context(listening_socket("127.0.0.1", 0))
         sender = stack.enter_context(socket.create_connection(listening.getsockname()))
         await asyncio.sleep(0)
         reader = stack.enter_context((await loop.sock_accept(listening))[0])

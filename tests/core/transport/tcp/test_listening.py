@@ -13,7 +13,7 @@ from taskrpc.core.transport.limits import admission
 from taskrpc.core.transport.limits.log_throttling import LINES, PERIOD, LimitedLog, ThrottledLog
 from taskrpc.core.transport.tcp import listening
 from taskrpc.core.transport.tcp.listening import Listener
-from taskrpc.core.transport.tcp.tcp_network import bound
+from taskrpc.core.transport.tcp.tcp_network import listening_socket
 from tests.core.transport.helpers import Add, ask, outcome, until
 from tests.core.transport.tcp.test_tcp_network import host_and_port, offering
 
@@ -88,7 +88,7 @@ async def flooded(monkeypatch, machine, flood=40):
     """
     monkeypatch.setattr(listening, "MAX_WAITING", 8)
     monkeypatch.setattr(listening, "ACCEPTS_A_TURN", flood + 1)
-    sock = bound("127.0.0.1", 0)
+    sock = listening_socket("127.0.0.1", 0)
     began, callers = [], [socket.create_connection(sock.getsockname()) for _ in range(flood + 1)]
     ports = [each.getsockname()[1] for each in callers]
     hosts = dict.fromkeys(ports, machine) | {ports[-1]: "192.0.2.8"}

@@ -8,7 +8,7 @@ import logging
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
-from taskrpc.core.yaml_text import load
+from taskrpc.spi import yaml_text
 
 from ..action import Action
 from ..event import Event
@@ -373,7 +373,7 @@ class ForEach(Action):
         """Call the function for each part."""
         found: list[Any] = []
         for part in perform(context, self._values).split(";"):
-            values = load(part)
+            values = yaml_text.load(part)
             if isinstance(values, dict):
                 found += entities_of(self._function(**values))
         return found

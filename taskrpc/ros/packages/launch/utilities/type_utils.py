@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from taskrpc.core.yaml_text import load
+from taskrpc.spi import yaml_text
 
 from ..launch_context import LaunchContext
 from ..substitution import (
@@ -35,7 +35,7 @@ def coerce_to_type(value: str, data_type: Any = None, can_be_str: bool = False) 
     if data_type in (int, float):
         return data_type(value)
     try:
-        found = load(value)
+        found = yaml_text.load(value)
     except yaml.YAMLError:
         found = None
     if data_type is None:

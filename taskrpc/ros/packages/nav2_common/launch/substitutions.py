@@ -17,8 +17,7 @@ from launch.substitution import (
 from launch.substitutions import LaunchConfiguration
 from launch_ros.parameter_descriptions import temporary_file
 
-from taskrpc.core.yaml_text import load, message
-from taskrpc.spi import os_errors
+from taskrpc.spi import os_errors, yaml_text
 
 from ..rewriting import rewritten
 
@@ -157,7 +156,7 @@ class ParseMultiRobotPose:
         for part in "".join(given[-1:]).split(";"):
             name, sign, pose = part.partition("=")
             if sign and name.strip():
-                values = load(pose) or {}
+                values = yaml_text.load(pose) or {}
                 names = ("x", "y", "z", "roll", "pitch", "yaw")
                 found[name.strip()] = {each: float(values.get(each, 0.0)) for each in names}
         return found
@@ -178,6 +177,6 @@ def _text(path: str) -> str:
 
 def _loaded(path: str) -> Any:
     try:
-        return load(_text(path))
+        return yaml_text.load(_text(path))
     except yaml.YAMLError as error:
-        raise SubstitutionFailure(f"{path} is not valid YAML: {message(error)}") from None
+        raise SubstitutionFailure(f"{path} is not valid YAML: {yaml_text.message(error)}") from None

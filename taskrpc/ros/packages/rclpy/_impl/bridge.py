@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
     from taskrpc.deferred import DeferredCall, DeferredService
     from taskrpc.qos import QoS
-    from taskrpc.spi import OnMismatch, RegistryEntry
-    from taskrpc.sync.loop_thread import LoopThread
-    from taskrpc.sync.topics import Publisher, Subscription
+    from taskrpc.spi import LoopThread, OnMismatch, RegistryEntry
 
 T = TypeVar("T")
 
@@ -151,7 +149,7 @@ class NativeClient:
 class NativePublisher:
     """The methods of a native publisher that other threads use."""
 
-    def __init__(self, publisher: Publisher[Any]) -> None:
+    def __init__(self, publisher: sync.Publisher[Any]) -> None:
         self.publish = publisher.publish
         self.set_alive = publisher.set_alive
         self.get_subscription_count = publisher.get_subscription_count
@@ -173,7 +171,7 @@ class NativePublisher:
 class NativeSubscription:
     """The methods of a native subscription that other threads use."""
 
-    def __init__(self, subscription: Subscription[Any]) -> None:
+    def __init__(self, subscription: sync.Subscription[Any]) -> None:
         self.get_publisher_count = subscription.get_publisher_count
         self.get_liveliness = subscription.get_liveliness
         self._subscription = subscription

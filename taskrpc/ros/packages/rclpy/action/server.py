@@ -12,7 +12,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, Generic
 
 from srvgen import excepthook
-from taskrpc.actions.states import next_state
 from taskrpc.errors import Code, HandlerFailed
 from taskrpc.message_types import Action, FeedbackT, GoalT, ResultT
 from taskrpc.spi import (
@@ -56,6 +55,8 @@ if TYPE_CHECKING:
 
 _NANOSECOND = 1e-9
 _NEVER = float("inf")
+_ENDS = frozenset({GoalEvent.SUCCEED, GoalEvent.ABORT, GoalEvent.CANCELED})
+"""The events that end a goal."""
 _MANY_GOALS, _STATUS_EVERY = 30, 0.1
 """With more goals than this, the status is published at most once in so many seconds: the message
 lists all goals."""
@@ -322,7 +323,7 @@ class ActionServer(Waitable[Any], Generic[GoalT, ResultT, FeedbackT]):
     def _change(self, record: GoalRecord, event: GoalEvent) -> None:
         """Change the state of a goal and publish the status. Raises InvalidTransition."""
         with self._lock:
-            if next_state(record.state, event).is_ended:
+            if event in _ENDS:
                 self._ledger.end(record, event, self._result_clock.now())
             else:
                 record.change(event)

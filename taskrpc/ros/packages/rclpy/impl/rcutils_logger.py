@@ -50,14 +50,14 @@ __all__ = [
 ]
 
 
-class _Place(NamedTuple):
+class _LogCall(NamedTuple):
     function_name: str
     file_path: str
     line_number: int
     last_index: int
 
 
-class CallerId(_Place):
+class CallerId(_LogCall):
     """A place in a program that logs; two calls on one line are two places."""
 
     __slots__ = ()

@@ -9,8 +9,8 @@ import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from taskrpc.core.execution.callbacks import problem_of_callback
 from taskrpc.node import unspun_text
+from taskrpc.spi import problem_of_callback
 
 _reported: set[tuple[object, ...]] = set()
 """The causes whose line was printed."""

@@ -8,7 +8,7 @@ import srvgen
 import taskrpc
 from taskrpc import Account, Accounts, Role
 from taskrpc.robot.tasks import MemoryStore, TaskServer
-from taskrpc.robot.tasks.permissions import ROLES
+from taskrpc.robot.tasks.services.permissions import ROLES
 from tests.robot.tasks.fakes import LineRobot
 from tests.robot.tasks.test_server import Client
 

@@ -52,14 +52,14 @@ def page(manager: ManagedTasks, cursor: str, *, limit: int = PAGE, ended: bool =
 
 
 def _rows(manager: ManagedTasks, cursor: str, ended: bool) -> Iterator[Row]:
-    after, before = _place(cursor)
+    after, before = _start_of(cursor)
     if before is None:
         yield from _live_rows(manager, after)
     if ended:
         yield from _ended_rows(manager, before)
 
 
-def _place(cursor: str) -> tuple[OrderKey, tuple[float, int] | None]:
+def _start_of(cursor: str) -> tuple[OrderKey, tuple[float, int] | None]:
     """Return where a page begins: the key in the queue, or the (end, id) of an ended task."""
     if not cursor:
         return BEFORE_RUNNING_KEY, None

@@ -6,8 +6,8 @@ import pytest
 
 from taskrpc.robot.tasks.manager import TaskManager
 from taskrpc.robot.tasks.model import TaskState
-from taskrpc.robot.tasks.pages import PAGE, page
 from taskrpc.robot.tasks.records.store import MemoryStore
+from taskrpc.robot.tasks.services.pages import PAGE, page
 from tests.robot.tasks.fakes import LineRobot
 
 

@@ -10,7 +10,7 @@ import taskrpc
 from taskrpc import QoS
 from taskrpc.robot import KinematicRobot, Pose, default_world
 from taskrpc.robot.tasks import MemoryStore, TaskServer
-from taskrpc.robot.tasks.topics import MOST_TASKS
+from taskrpc.robot.tasks.services.topics import MOST_TASKS
 
 RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
 TaskEvents = srvgen.load("taskrpc_interfaces/msg/TaskEvents")

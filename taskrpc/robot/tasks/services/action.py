@@ -24,8 +24,8 @@ from taskrpc.errors import (
 from taskrpc.node import Node
 from taskrpc.robot.tasks.managed import ManagedTasks
 from taskrpc.robot.tasks.model import Task, TaskState
-from taskrpc.robot.tasks.permissions import client_name, refuse_others_task, submitter
 from taskrpc.robot.tasks.responses import TaskResponse
+from taskrpc.robot.tasks.services.permissions import client_name, refuse_others_task, submitter
 from taskrpc.spi import Denied, answering, bytes_of
 
 if TYPE_CHECKING:

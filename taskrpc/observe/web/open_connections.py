@@ -1,9 +1,9 @@
 """Decides which connections of the web server stay open, and which are closed for new ones.
 
-A browser sends its request right after it connects. A connection without a request only uses up a
-place. So new connections take the places of the oldest connections whose request is unfinished.
-A new connection keeps its place for a moment, because many pages may connect at one instant. Event
-streams and WebSockets hold no place: they have limits of their own.
+A browser sends its request right after it connects. A connection without a request only uses up
+memory. So if there are too many connections, the oldest ones whose request is unfinished are
+closed. A new connection stays open for a moment, because many pages may connect at one instant.
+Event streams and WebSockets do not count: they have limits of their own.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import Protocol
 MAX_CONNECTIONS = 64
 """Most connections whose request is unfinished for longer than `TIME_TO_ASK`."""
 TIME_TO_ASK = 2.0
-"""Seconds in which a new connection keeps its place although its request is unfinished."""
+"""Seconds for which a new connection stays open although its request is unfinished."""
 MAX_UNFINISHED = 192
 """Most connections whose request is unfinished, new ones included."""
 MAX_ANSWERED = 128
@@ -23,17 +23,17 @@ MAX_ANSWERED = 128
 
 
 class Connection(Protocol):
-    """A connection that holds a place."""
+    """A connection that counts."""
 
     def make_room(self) -> None:
-        """Close at once, because new connections need the place."""
+        """Close at once, because there are too many connections."""
 
 
 class TooManyRequests(Exception):
     """`MAX_ANSWERED` responses are being made."""
 
 
-class Places:
+class OpenConnections:
     """The limited set of a server's connections."""
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ class Places:
     def __len__(self) -> int:
         return len(self._unfinished) + len(self._answered)
 
-    def take(self, connection: Connection, now: float) -> None:
+    def add(self, connection: Connection, now: float) -> None:
         """Add a connection; if there are too many, close the oldest with an unfinished request.
 
         `now` is in seconds on any clock.
@@ -56,7 +56,7 @@ class Places:
             del self._unfinished[oldest]
             oldest.make_room()
 
-    def leave(self, connection: Connection) -> None:
+    def remove(self, connection: Connection) -> None:
         """Remove a connection that has ended, or that stays open for long."""
         self._unfinished.pop(connection, None)
         self._answered.discard(connection)
