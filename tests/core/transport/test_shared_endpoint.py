@@ -4,6 +4,7 @@ import asyncio
 import re
 import sys
 from contextvars import copy_context
+from inspect import signature
 
 import pytest
 
@@ -12,6 +13,7 @@ from taskrpc.core.current_program import current_program
 from taskrpc.core.transport import shared_endpoint
 from taskrpc.core.transport.memory import MemoryNetwork
 from taskrpc.core.transport.shared_endpoint import ENTRY_POINTS, TRANSPORTS, Registration
+from taskrpc.testing import CallFaults
 from tests.installed import add_package
 
 
@@ -167,6 +169,30 @@ async def test_nodes_with_equal_settings_share_an_endpoint():
     ):
         assert one._transport is other._transport
         assert one._transport is not apart._transport
+
+
+async def test_nodes_that_differ_in_any_setting_share_no_endpoint():
+    other = {
+        "listen": "apart",
+        "peers": ["apart"],
+        "token": "a token of the test",
+        "tls": taskrpc.Tls(ca="ca.pem"),
+        "accounts": taskrpc.Accounts(),
+        "keepalive": "robot",
+        "domain": 7,
+        "faults": CallFaults("busy"),
+    }
+    one_loop = {"threads"}  # the nodes of one event loop agree in it
+    settings = signature(shared_endpoint.shared_endpoint).parameters.keys() - {"name"} - one_loop
+    assert settings == other.keys(), "a new setting belongs into the key, and needs a value here"
+    usual = {"listen": None, "peers": None, "token": None, "tls": None}
+    endpoints = [
+        shared_endpoint.shared_endpoint("memory", **usual | changed)
+        for changed in [{}, *({name: value} for name, value in other.items())]
+    ]
+    assert len(set(endpoints)) == len(endpoints)
+    for endpoint in endpoints:
+        await endpoint.release()
 
 
 async def test_programs_in_one_interpreter_have_endpoints_of_their_own():
