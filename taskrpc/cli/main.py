@@ -135,9 +135,17 @@ def _run(arguments: list[str]) -> int:
     command = next((each for each in arguments if not each.startswith("-")), "")
     if command in _ELSEWHERE:
         raise UsageError(f"taskrpc has no command '{command}': {_ELSEWHERE[command]}")
-    options: Namespace = parser_of(command).parse_args(arguments)
+    parser = parser_of(command)
+    options: Namespace = parser.parse_args(arguments)
     if options.version:
         return _print_version()
+    if command and options.run is parser.get_default("run"):
+        from taskrpc.errors import TaskRpcError
+
+        raise TaskRpcError(
+            f"the package that adds the command '{command}' sets no function that runs it: its"
+            " configure must call parser.set_defaults(run=...)"
+        )
     process.start_work()
     return int(options.run(options) or 0)  # a command of another package may return None
 
@@ -188,6 +196,8 @@ def _added_commands(command: str) -> dict[str, ModuleType]:
         if each.name in COMMANDS:
             continue
         try:
+            if ":" in each.value:
+                raise TypeError("expected the name of a module only, without a colon")
             module = import_module(each.value)
             if not callable(getattr(module, "configure", None)):
                 raise AttributeError("the module has no function configure(parser)")

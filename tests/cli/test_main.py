@@ -230,6 +230,22 @@ def test_a_command_that_cannot_be_used_is_named_and_left_out(add_commands, capsy
     assert capsys.readouterr().err == ""
 
 
+def test_an_entry_point_of_a_command_names_no_function(add_commands, capsys):
+    add_commands({"greet_command": GREET}, {"greet": "greet_command:configure"})
+    assert ran(["greet", "Ada"]) == 2
+    problem = "cannot be used: TypeError: expected the name of a module only, without a colon\n"
+    assert problem in capsys.readouterr().err
+
+
+def test_a_command_that_sets_no_function_is_a_mistake_of_its_package(add_commands, capsys):
+    text = "def configure(parser):\n    parser.add_argument('name')"
+    add_commands({"idle_command": text}, {"idle": "idle_command"})
+    assert ran(["idle", "Ada"]) == 1
+    out, err = capsys.readouterr()
+    assert not out
+    assert "the command 'idle' sets no function that runs it" in err
+
+
 def test_our_own_commands_search_no_installed_packages(monkeypatch):
     monkeypatch.setattr("importlib.metadata.entry_points", None)
     assert ran(["task", "-h"]) == 0

@@ -60,6 +60,11 @@ class Page:
         rest = self.text[found.end() :]
         return re.split(rf"^#{{1,{len(found[1])}}} ", rest, maxsplit=1, flags=re.M)[0]
 
+    def rows(self, title: str) -> list[list[str]]:
+        """The cells of the table in a section, without backticks and without the heading."""
+        lines = re.findall(r"^\|(.*)\|$", self.section(title), flags=re.M)[2:]
+        return [[cell.strip().strip("`") for cell in line.split("|")] for line in lines]
+
 
 def read_page(path: Path) -> Page:
     """Read a page. A fence that is never closed is an error."""

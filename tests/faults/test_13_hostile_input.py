@@ -19,7 +19,7 @@ from taskrpc.core.transport.connection.server_side import ServingConnection
 from taskrpc.core.wire import messages
 from taskrpc.core.wire.connection_state import ConnectionState
 from taskrpc.core.wire.events import Closed, Event
-from taskrpc.core.wire.frames import HEADER, NO_DEADLINE, Splitter
+from taskrpc.core.wire.frames import HEADER, NO_DEADLINE, FrameType, Splitter
 from taskrpc.core.wire.handshake import Identity, Peer
 from taskrpc.core.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Resolve, encode
 from taskrpc.core.wire.session import Session
@@ -62,7 +62,7 @@ BODIES = [
     b"\x92\xcf" + b"\xff" * 8 + b"\x01", b"\x91" * 2000, b"\x91\xa1\xff", b"\xdd\xff\xff\xff\xff",
 ]  # fmt: skip
 KINDS = 8
-TYPES = [*range(18), 0x7F, 0x80, 0xFF]
+TYPES = [*range(max(FrameType) + 2), 0x7F, 0x80, 0xFF]
 LENGTHS = [0, 1, 11, 12, 0xFFFFFFFF, 0x7FFFFFFF, DEFAULT_LIMITS.body + 13]
 
 

@@ -149,6 +149,12 @@ class Network(Protocol):
         """Remove the entry of this process."""
 
 
+def missing_names(candidate: object, protocol: type) -> list[str]:
+    """Return the attributes and methods of a protocol that an object of another package lacks."""
+    names = {*vars(protocol), *protocol.__annotations__}
+    return sorted(each for each in names - {*dir(candidate)} if not each.startswith("_"))
+
+
 def no_server(network: Network, service: str) -> ServiceUnavailable:
     """Return the error for a service that no known program offers."""
     problem = f": {network.problem}" if network.problem else ""

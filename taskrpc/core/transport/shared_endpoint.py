@@ -18,7 +18,7 @@ from taskrpc.core.security.roles import Accounts
 from taskrpc.core.security.tls import Tls
 from taskrpc.core.transport.endpoint import Endpoint
 from taskrpc.core.transport.limits.keepalive import keepalive_of
-from taskrpc.core.transport.network import Network
+from taskrpc.core.transport.network import Network, missing_names
 from taskrpc.core.transport.settings import Settings, domain_id, environment_peers
 from taskrpc.errors import TaskRpcError
 
@@ -37,6 +37,8 @@ class Registration(msgspec.Struct, frozen=True):
     """A module that is not part of taskrpc's dependencies."""
     advice: Callable[[], str] = str
     """Returns how to install `needs`."""
+    package: str = ""
+    """The installed package that adds it, "" for a transport of taskrpc."""
 
 
 TRANSPORTS = {
@@ -130,9 +132,9 @@ def registered(name: str) -> Registration:
         return found
     from importlib.metadata import entry_points  # it reads the folders of all installed packages
 
-    others = {each.name: each.value for each in entry_points(group=ENTRY_POINTS)}
-    if name in others:
-        return Registration(others[name])
+    others = {each.name: each for each in entry_points(group=ENTRY_POINTS)}
+    if (point := others.get(name)) is not None:
+        return Registration(point.value, package=point.dist.name if point.dist else point.value)
     *most, last = map(repr, [*TRANSPORTS, *sorted(others.keys() - TRANSPORTS.keys())])
     raise TaskRpcError(f"transport: expected {', '.join(most)} or {last}, got {name!r}")
 
@@ -149,6 +151,8 @@ def lab_namespace(name: str, peers: Sequence[str] | None) -> str:
 
 
 def _open(name: str, registration: Registration, settings: Settings) -> Network:
+    if registration.package:
+        return _open_added(name, registration, settings)
     module, _, function = registration.opener.partition(":")
     try:
         opener = getattr(importlib.import_module(module), function)
@@ -158,6 +162,28 @@ def _open(name: str, registration: Registration, settings: Settings) -> Network:
         problem = f"transport={name!r} needs the module {error.name}, which is not installed"
         raise TaskRpcError(f"{problem}; {registration.advice()}") from None
     return cast("Network", opener(settings))
+
+
+def _open_added(name: str, registration: Registration, settings: Settings) -> Network:
+    """Return the network of another package. Raises TaskRpcError if the package is broken."""
+    module, _, function = registration.opener.partition(":")
+    try:
+        opener = getattr(importlib.import_module(module), function, None)
+        if not callable(opener):
+            raise TypeError("expected module:function, a function that takes the settings")
+        network = opener(settings)
+        if missing := missing_names(network, Network):
+            raise TypeError(
+                f"expected a Network, got {network!r}, which lacks {', '.join(missing)}"
+            )
+    except TaskRpcError:
+        raise  # its text is for the user
+    except Exception as error:
+        raise TaskRpcError(
+            f"transport={name!r}: the package {registration.package} adds it as"
+            f" {registration.opener}, which cannot be used: {type(error).__name__}: {error}"
+        ) from error
+    return cast("Network", network)
 
 
 def _listed(peers: Sequence[str]) -> Sequence[str]:

@@ -29,7 +29,10 @@ GROWTH = 4
 
 
 class FrameType(IntEnum):
-    """The type of a frame; a receiver must know values below 0x80, and skips unknown others."""
+    """The type of a frame; a receiver must know values below 0x80, and skips unknown others.
+
+    0xFF is reserved; see `SKIPPED`.
+    """
 
     HELLO = 1
     HELLO_ACK = 2
@@ -50,6 +53,8 @@ class FrameType(IntEnum):
 
 
 FIRST_OPTIONAL_TYPE = 0x80
+SKIPPED = 0xFF
+"""The type that a session gives to a large frame that it skips; no protocol may use it."""
 
 
 class Flag(IntFlag):
@@ -226,6 +231,6 @@ class LargeBody:
 
     def skip(self) -> None:
         """Drop the body, and change its type so that the session skips the frame."""
-        self.header = (FIRST_OPTIONAL_TYPE, 0, 0, 0, 0)
+        self.header = (SKIPPED, 0, 0, 0, 0)
         self.size = 0
         self.body = bytearray(LARGE)

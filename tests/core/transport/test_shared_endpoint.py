@@ -1,8 +1,10 @@
 """Transports are found by name; what is missing is named; nodes share endpoints."""
 
 import asyncio
+import re
 import sys
 from contextvars import copy_context
+from inspect import signature
 
 import pytest
 
@@ -11,6 +13,7 @@ from taskrpc.core.current_program import current_program
 from taskrpc.core.transport import shared_endpoint
 from taskrpc.core.transport.memory import MemoryNetwork
 from taskrpc.core.transport.shared_endpoint import ENTRY_POINTS, TRANSPORTS, Registration
+from taskrpc.testing import CallFaults
 from tests.installed import add_package
 
 
@@ -35,6 +38,58 @@ async def test_an_installed_package_adds_a_transport(tmp_path, monkeypatch):
     assert shared_endpoint.registered("tcp") is TRANSPORTS["tcp"]
     with pytest.raises(taskrpc.TaskRpcError, match=r"'zenoh' or 'raven', got 'dove'"):
         taskrpc.Node("node", transport="dove")
+
+
+ENGINE = """
+from taskrpc.spi import TunnelNetwork
+
+class Engine:
+    name, address, discovery_ends = "the post", "", 0.0
+    async def open(self, events): ...
+    def announce(self, entry): ...
+
+def open_network(settings):
+    return TunnelNetwork(Engine(), settings)
+"""
+
+
+@pytest.mark.parametrize(
+    ("text", "opener", "problem"),
+    [
+        ("1 / 0", ":open_network", "ZeroDivisionError: division by zero"),
+        ("", "s:open_network", "ModuleNotFoundError: No module named '.*s'"),
+        ("", ":open_netwrk", "TypeError: expected module:function, a function that takes"),
+        ("", "", "TypeError: expected module:function, a function that takes"),
+        ("def open_network(): ...", ":open_network", "TypeError: open_network.. takes 0 pos"),
+        (
+            "def open_network(it): ...",
+            ":open_network",
+            "TypeError: expected a Network, got None, which lacks ",
+        ),
+        (ENGINE, ":open_network", "TypeError: the engine Engine lacks close, send$"),
+    ],
+)
+async def test_a_broken_transport_of_a_package_is_named(
+    tmp_path, monkeypatch, text, opener, problem
+):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    module = f"broken_{tmp_path.name}"
+    add_package(tmp_path, "ravens", {module: text}, {ENTRY_POINTS: {"raven": module + opener}})
+    with pytest.raises(taskrpc.TaskRpcError) as caught:
+        await taskrpc.Node("node", transport="raven").start()
+    begin = f"transport='raven': the package ravens adds it as {module}{opener}, which cannot be"
+    assert re.match(f"{re.escape(begin)} used: {problem}", str(caught.value))
+
+
+async def test_an_error_that_a_transport_raises_for_its_user_is_kept(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(str(tmp_path))
+    text = (
+        "import taskrpc\ndef open_network(settings):\n    raise taskrpc.TaskRpcError('no router')"
+    )
+    points = {ENTRY_POINTS: {"raven": "no_router:open_network"}}
+    add_package(tmp_path, "ravens", {"no_router": text}, points)
+    with pytest.raises(taskrpc.TaskRpcError, match=r"^no router$"):
+        await taskrpc.Node("node", transport="raven").start()
 
 
 async def test_a_missing_module_is_named_with_the_command_that_installs_it(monkeypatch):
@@ -114,6 +169,30 @@ async def test_nodes_with_equal_settings_share_an_endpoint():
     ):
         assert one._transport is other._transport
         assert one._transport is not apart._transport
+
+
+async def test_nodes_that_differ_in_any_setting_share_no_endpoint():
+    other = {
+        "listen": "apart",
+        "peers": ["apart"],
+        "token": "a token of the test",
+        "tls": taskrpc.Tls(ca="ca.pem"),
+        "accounts": taskrpc.Accounts(),
+        "keepalive": "robot",
+        "domain": 7,
+        "faults": CallFaults("busy"),
+    }
+    one_loop = {"threads"}  # the nodes of one event loop agree in it
+    settings = signature(shared_endpoint.shared_endpoint).parameters.keys() - {"name"} - one_loop
+    assert settings == other.keys(), "a new setting belongs into the key, and needs a value here"
+    usual = {"listen": None, "peers": None, "token": None, "tls": None}
+    endpoints = [
+        shared_endpoint.shared_endpoint("memory", **usual | changed)
+        for changed in [{}, *({name: value} for name, value in other.items())]
+    ]
+    assert len(set(endpoints)) == len(endpoints)
+    for endpoint in endpoints:
+        await endpoint.release()
 
 
 async def test_programs_in_one_interpreter_have_endpoints_of_their_own():

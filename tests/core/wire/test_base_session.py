@@ -104,6 +104,18 @@ def test_frames_before_a_protocol_error_are_handled_and_none_after_it(bad):
         assert len(pair.client.lost()) == 2 - types(events).count(ResponseReceived)
 
 
+HANDSHAKE = {FrameType.HELLO, FrameType.HELLO_ACK, FrameType.AUTH, FrameType.AUTH_OK}
+
+
+@pytest.mark.parametrize("type_", sorted(set(FrameType) - HANDSHAKE))
+def test_each_frame_type_is_known_to_one_end_at_least(type_):
+    pair = open_pair()
+    unknown = f"frame type {int(type_)} is not part of this protocol"
+    ends = [receive(end, frame(type_, 1)) for end in (pair.client, pair.server)]
+    refused = [any(unknown in str(getattr(each, "error", "")) for each in end) for end in ends]
+    assert not all(refused), "handle it in Session._event, Session._on_control or topics.received"
+
+
 @pytest.mark.parametrize("type_", [0x80, 0xFF])
 def test_unknown_optional_frames_are_ignored(type_):
     pair = open_pair()
@@ -170,7 +182,7 @@ def test_changed_frames_end_one_connection_and_raise_nothing(data, piece):
 
 hostile_frame = st.builds(
     pack_frame,
-    st.one_of(st.integers(1, 17), st.integers(0, 255)),
+    st.one_of(st.integers(1, max(FrameType) + 1), st.integers(0, 255)),
     st.integers(0, 255),
     st.integers(0, 0xFFFF),
     st.one_of(st.integers(0, 6), st.integers(0, 0xFFFFFFFF)),

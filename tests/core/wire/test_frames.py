@@ -7,7 +7,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskrpc.core.wire import frames
-from taskrpc.core.wire.frames import GROWTH, LARGE, FrameType, Splitter, pack_frame, pack_header
+from taskrpc.core.wire.frames import (
+    FIRST_OPTIONAL_TYPE,
+    GROWTH,
+    LARGE,
+    SKIPPED,
+    FrameType,
+    Splitter,
+    pack_frame,
+    pack_header,
+)
 from taskrpc.errors import ProtocolError
 from tests.properties import examples
 
@@ -187,3 +196,9 @@ def test_garbage_yields_frames_or_an_error_and_keeps_no_more_than_came(pieces):
         if splitter.error is not None:
             break
         assert room_of(splitter) is None
+
+
+def test_no_frame_type_is_that_of_a_skipped_frame():
+    """Otherwise the session would handle what remains of a refused request as such a frame."""
+    assert SKIPPED >= FIRST_OPTIONAL_TYPE
+    assert SKIPPED not in set(FrameType)

@@ -1,5 +1,6 @@
 """Bodies of control frames arrive unchanged; any other bytes raise ProtocolError."""
 
+import msgspec
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -34,6 +35,12 @@ def test_truncated_body_is_a_protocol_error(decode, body):
     for size in range(len(data)):
         with pytest.raises(ProtocolError, match=f"^{type(body).__name__} is not valid: "):
             decode(data[:size])
+
+
+@each_body
+def test_fields_of_a_later_version_are_skipped(decode, body):
+    fields = msgspec.msgpack.decode(messages.encode(body))
+    assert decode(msgspec.msgpack.encode([*fields, "later"])) == body
 
 
 @given(st.sampled_from(BODIES), st.binary(max_size=60))

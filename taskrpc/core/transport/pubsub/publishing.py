@@ -288,8 +288,10 @@ class RemoteSubscriber:
     def subscribe(self, event: SubscribeReceived) -> None:
         """Add a subscription."""
         number, connection, most = event.subscription_id, self.connection, wire.MAX_SUBSCRIPTIONS
-        if number in self._subscriptions or len(self._subscriptions) >= most:
-            problem = f"subscription {number} is there already, or one of {most}"
+        exists = number in self._subscriptions
+        if exists or len(self._subscriptions) >= most:
+            many = f"more than {most} subscriptions on one connection"
+            problem = f"the subscription {number} exists already" if exists else many
             owner, text = connection.owner, "closed the connection from %s: %s"
             owner.refusals.warning(owner.loop.time(), text, connection.peer_name, problem)
             connection.refuse(ProtocolError(problem))

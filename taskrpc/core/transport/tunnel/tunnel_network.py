@@ -12,7 +12,7 @@ from taskrpc.core.transport.chance import present_chance
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.core.transport.engine import Engine, NativeEngine
 from taskrpc.core.transport.limits.log_throttling import ThrottledLog
-from taskrpc.core.transport.network import Address, Factory
+from taskrpc.core.transport.network import Address, Factory, missing_names
 from taskrpc.core.transport.pipe import join
 from taskrpc.core.transport.settings import Settings
 from taskrpc.core.transport.tunnel.directory import Directory, presence_of
@@ -38,6 +38,8 @@ class TunnelNetwork:
     certificate = ""
 
     def __init__(self, engine: Engine, settings: Settings) -> None:
+        if missing := missing_names(engine, Engine):
+            raise TypeError(f"the engine {type(engine).__name__} lacks {', '.join(missing)}")
         self.domain = settings.domain
         self.accounts = settings.account_source()
         self._given = settings.token

@@ -296,7 +296,7 @@ async def test_a_caller_with_too_many_subscriptions_is_disconnected_alone(net, c
             wire.subscribe(session, number, wanted)
 
     link._connection.say(subscribe_without_end)
-    await until(lambda: any("one of 4096" in text for text in caplog.messages))
+    await until(lambda: any("more than 4096 subscriptions" in text for text in caplog.messages))
     other = await net.client(Add, "add", node="other")
     assert await other.wait_for_service(60)
     assert (await other.call(ask(1, 1))).sum == 2
