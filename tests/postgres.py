@@ -88,10 +88,12 @@ class Cluster:
             "-p",
             str(self.port),
         ]
-        for _ in range(300):
+        end = time.monotonic() + 60  # after a kill, the server first recovers what it had stored
+        while time.monotonic() < end:
             if subprocess.run(ready, check=False).returncode == 0:
                 return
             assert self.process.poll() is None, (self.folder / "log").read_text()[-3000:]
+            time.sleep(0.05)
         raise AssertionError((self.folder / "log").read_text()[-3000:])
 
     def kill(self) -> None:
