@@ -150,7 +150,7 @@ if sys.platform != "win32":
             self._check: Check | None = None
             self._begun: deque[asyncio.Future[Check]] = deque()
             self._cleaned: deque[asyncio.Future[None]] = deque()
-            self._started: deque[asyncio.Future[int]] = deque()
+            self._started: deque[asyncio.Future[tuple[int, asyncio.Future[int]]]] = deque()
             self._ends: dict[int, asyncio.Future[int]] = {}
             self._errors = asyncio.ensure_future(_last(process.stdout))
             asyncio.get_running_loop().add_reader(control, self._read)
@@ -236,7 +236,7 @@ if sys.platform != "win32":
             outer, inner = zip(*(os.pipe() for _ in range(2)), strict=True)
             stdin, keep_open = os.pipe()  # standard input waits, as in ROS, and gets no end
             try:
-                pid = await self.ask(orders.Run(start), self._started, stdin, *inner)
+                pid, end = await self.ask(orders.Run(start), self._started, stdin, *inner)
             except BaseException:
                 for each in (*outer, keep_open):
                     os.close(each)
@@ -244,7 +244,7 @@ if sys.platform != "win32":
             finally:
                 for each in (stdin, *inner):
                     os.close(each)
-            return SandboxedProcess(self, pid, self._ends[pid], list(outer), keep_open, on_output)
+            return SandboxedProcess(self, pid, end, list(outer), keep_open, on_output)
 
         async def ask(
             self, order: orders.Order, waiting: deque[asyncio.Future[_Result]], *files: int
@@ -290,8 +290,9 @@ if sys.platform != "win32":
                 case orders.Cleaned():
                     _answer(self._cleaned, None)
                 case orders.Started():
-                    self._ends[report.pid] = asyncio.get_running_loop().create_future()
-                    _answer(self._started, report.pid)
+                    # `run` gets its end with it: the program may have ended before `run` goes on.
+                    end = self._ends[report.pid] = asyncio.get_running_loop().create_future()
+                    _answer(self._started, (report.pid, end))
                 case orders.Ended():
                     self._ends.pop(report.pid).set_result(report.code)
                 case orders.Entries():

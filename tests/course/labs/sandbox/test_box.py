@@ -1,7 +1,9 @@
 """A sandbox from the side of the checks."""
 
+import asyncio
 import os
 import sys
+import time
 
 import pytest
 
@@ -51,3 +53,20 @@ async def test_a_sandbox_that_ends_is_replaced(confined, tmp_path):
         async with trials.sandboxed_trial(tmp_path, Variant(), sandbox) as trial:
             program = await trial.start("server.py")
             assert await program.wait_for_line("on", 10)
+
+
+@both
+async def test_a_program_that_has_ended_before_its_start_was_handled_is_waited_for(
+    confined, tmp_path
+):
+    os.chmod(tmp_path, 0o755)
+    (tmp_path / "server.py").write_text("print('done')")
+    async with (
+        trials.Sandbox(tmp_path, own(tmp_path), confined=confined) as sandbox,
+        trials.sandboxed_trial(tmp_path, Variant(), sandbox) as trial,
+    ):
+        starting = asyncio.ensure_future(trial.start("server.py"))
+        await asyncio.sleep(0)
+        time.sleep(1)  # the reports of its start and of its end arrive together
+        program = await starting
+        assert await program.finished(10) == 0
