@@ -158,7 +158,7 @@ async def test_requests_to_a_repeatedly_killed_server_execute_exactly_once(
     tmp_path, programs, counts, seed, large
 ):
     # A few kills for each store: reading a growing store would take most of the time.
-    kills, stores = (50, 200) if large else (30, 1)
+    kills, stores = (50, 200) if large else (15, 1)
     chance = random.Random(seed)
     for number in range(stores):
         (folder := tmp_path / f"store{number}").mkdir()

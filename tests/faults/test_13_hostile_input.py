@@ -197,7 +197,7 @@ def what_is_closed_is_kept(patch):
     Bug(what_is_closed_is_kept, "drifted"),
 )
 def test_mutated_frames_raise_nothing_and_leave_nothing(counts, seed, large, bug):
-    frames = 10**9 if large else 10**6 if bug is None else 50_000
+    frames = 10**9 if large else 300_000 if bug is None else 50_000
     bombard(10_000, seed, collections.Counter())
     before = memory()
     bombard(frames, seed + 1, counts)
