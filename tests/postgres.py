@@ -42,6 +42,19 @@ def why_missing() -> str:
     return ""
 
 
+def _descendants(ancestor: int) -> list[int]:
+    """Return the processes that a process has started, and those that they have started."""
+    listed = subprocess.run(["ps", "-A", "-o", "pid=,ppid="], capture_output=True, check=True)
+    children: dict[int, list[int]] = {}
+    for line in listed.stdout.splitlines():
+        process, parent = map(int, line.split())
+        children.setdefault(parent, []).append(process)
+    found = [ancestor]
+    for each in found:  # the list grows
+        found += children.get(each, ())
+    return found[1:]
+
+
 class Cluster:
     """A PostgreSQL server on a free port of 127.0.0.1; tests start, stop and kill it."""
 
@@ -99,6 +112,11 @@ class Cluster:
     def kill(self) -> None:
         """Kill all of the server's processes at once, as a power failure would."""
         assert self.process is not None, "it does not run"
+        # Each process for a client has a group of its own, and would first finish its transaction.
+        os.killpg(self.process.pid, signal.SIGSTOP)
+        for each in _descendants(self.process.pid):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(each, signal.SIGKILL)
         os.killpg(self.process.pid, signal.SIGKILL)
         self.process.wait(10)
         self.process = None
