@@ -71,6 +71,7 @@ async def test_calls_fail_when_the_router_is_gone_and_work_again_when_it_is_back
             router.close()
             assert isinstance(await outcome(held), taskrpc.OutcomeUnknown)
             calling = client.create_client(Add, "add")
+            await until(lambda: not calling.service_is_ready())
             with pytest.raises(taskrpc.ServiceUnavailable):
                 await calling.call(ask())
             await until(lambda: "Zenoh is interrupted: the connection to the" in caplog.text)
