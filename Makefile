@@ -6,7 +6,7 @@ VENV ?= .venv
 BIN = $(VENV)/bin
 CHECK = $(BIN)/python .ci/checks.py --here
 
-.PHONY: install check test faults interop labs browser windows types notebooks postgres uvloop \
+.PHONY: install check test end_to_end faults interop labs browser windows types notebooks postgres uvloop \
 	site lint demo pictures slides soak mutants format bench clean
 
 install:
@@ -19,7 +19,7 @@ check:
 test:
 	$(CHECK) quick
 
-faults labs windows types postgres lint demo:
+end_to_end faults labs windows types postgres lint demo:
 	$(CHECK) $@
 
 browser interop notebooks:

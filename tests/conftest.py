@@ -21,7 +21,7 @@ from tests.faults.harness import HAPPENED
 from tests.postgres import own_cluster, pgbouncer, postgres_url, shared_cluster  # noqa: F401 - fixtures
 from tests.zenoh_routers import zenoh_router  # noqa: F401 - a fixture
 
-WHOLE_RUNS = ("faults", "hypothesis", "faults or hypothesis or corpus")
+WHOLE_RUNS = ("end_to_end", "faults", "hypothesis", "faults or hypothesis or corpus")
 """What `-m` picks in the runs that use all cores, beside the plain run."""
 TESTS = Path(__file__).parent
 settings.load_profile(properties.ALL)

@@ -86,6 +86,7 @@ def played(request, tmp_path_factory) -> Iterator[dict[Path, Future[None]]]:
         }
 
 
+@pytest.mark.end_to_end
 @pytest.mark.real_time
 @pytest.mark.parametrize("page", [page for page in PAGES if page not in LAB_SHEETS], ids=_name)
 def test_code_blocks_of_a_page_give_the_output_that_it_shows(page, played):
@@ -373,6 +374,7 @@ LIES = {
 }
 
 
+@pytest.mark.end_to_end
 @pytest.mark.real_time
 @pytest.mark.parametrize("lie", LIES)
 def test_a_page_that_is_not_true_is_caught(lie, tmp_path):

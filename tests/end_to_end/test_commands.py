@@ -15,7 +15,7 @@ import pytest
 
 from taskrpc.cli.main import main
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 ROOT = Path(__file__).parents[2]
 TRANSCRIPT = ROOT.parent / "shared" / "ros2" / "cli_transcript.txt"

@@ -12,7 +12,7 @@ import pytest
 import srvgen
 import taskrpc
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 MISTAKES = (
     "difflib srvgen.diagnostics.line_hints "

@@ -14,6 +14,7 @@ import taskrpc
 from tests.core.transport.helpers import Add, ask, outcome, until
 
 pytestmark = [
+    pytest.mark.end_to_end,
     pytest.mark.real_time,
     pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals"),
 ]

@@ -14,7 +14,7 @@ from taskrpc.observe.recording.replay import replay
 from taskrpc.observe.recording.timeline import Timeline
 from tests.end_to_end.test_robot_task import HOOVER, POSIX, TaskServer
 
-pytestmark = [pytest.mark.real_time, POSIX]
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time, POSIX]
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ import pytest
 from taskrpc.cli.call import main as call_main
 from taskrpc.cli.main import main
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="sends POSIX signals")
 PATIENCE = 60

@@ -16,6 +16,7 @@ from taskrpc.core.transport.tcp.tcp_network import listening_socket
 from tests.end_to_end.test_robot_task import READY, TaskServer
 
 pytestmark = [
+    pytest.mark.end_to_end,
     pytest.mark.real_time,
     pytest.mark.skipif(os.name == "nt", reason="sends POSIX signals"),
 ]

@@ -10,7 +10,7 @@ import pytest
 import srvgen
 import taskrpc.sync
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 Int32 = srvgen.load("std_msgs/msg/Int32")
 TALKER = """

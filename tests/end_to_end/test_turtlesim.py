@@ -6,7 +6,7 @@ import pytest
 
 from tests.ros.turtlesim.running import turtlesim_in
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 TWIST = "{linear: {x: 2.0, y: 0.0, z: 0.0}, angular: {x: 0.0, y: 0.0, z: 1.8}}"
 PARAMETER_SERVICES = (

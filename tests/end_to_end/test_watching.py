@@ -16,7 +16,7 @@ import pytest
 from taskrpc.cli.call import main as call
 from tests.observe.metrics.exposition import read, values
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 PATIENCE = 60
 SERVER = [sys.executable, "-m", "taskrpc.cli.robot.server.command_line", "--db", ":memory:"]

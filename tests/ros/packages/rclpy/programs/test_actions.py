@@ -8,7 +8,7 @@ import pytest
 
 from tests.ros.packages.rclpy.programs.running import PATIENCE
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 SERVER = """
 import time

@@ -6,7 +6,7 @@ import pytest
 
 from tests.ros.packages.rclpy.programs.running import INTERRUPTED
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 HEAD = """
 import sys

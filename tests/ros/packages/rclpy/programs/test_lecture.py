@@ -7,7 +7,7 @@ import pytest
 
 from tests.ros.packages.rclpy.programs.running import INTERRUPTED
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 LECTURE = Path(__file__).parents[6] / "shared" / "lecture" / "week4.txt"
 

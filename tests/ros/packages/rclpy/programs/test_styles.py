@@ -6,7 +6,7 @@ import pytest
 
 from tests.ros.packages.rclpy.programs.running import INTERRUPTED, domain_in, programs_in
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 SERVER = """
 import rclpy
