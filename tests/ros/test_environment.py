@@ -10,7 +10,7 @@ import pytest
 
 import taskrpc
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 _CHECKOUT = str(Path(taskrpc.__file__).parent.parent)
 

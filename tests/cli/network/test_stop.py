@@ -18,7 +18,7 @@ from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry,
 from taskrpc.core.transport.discovery.registry import Registry
 from taskrpc.core.wire.messages import ServiceEndpoint
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 ADD = "example_interfaces/srv/AddTwoInts"
 

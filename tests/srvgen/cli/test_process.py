@@ -9,6 +9,7 @@ import sys
 import pytest
 
 pytestmark = [
+    pytest.mark.end_to_end,
     pytest.mark.real_time,
     pytest.mark.skipif(sys.platform == "win32", reason="Windows sends Ctrl-C to whole consoles"),
 ]
