@@ -13,7 +13,7 @@ from taskrpc.cli.shared.command import UsageError
 from taskrpc.errors import TaskRpcError
 from taskrpc.ros.missing import explain_program
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
+pytestmark = pytest.mark.real_time
 
 FILE = """
 from launch import LaunchDescription
