@@ -111,12 +111,15 @@ async def main():
 asyncio.run(main())
 """
 WAITS = """
-import sys, time
-try:
-    print("running", flush=True)
-    time.sleep(600)
-except KeyboardInterrupt:
+import signal, sys, time
+def end(number, frame):
     open({path!r}, "w").close()
+    sys.exit()
+# SIGTERM follows after two seconds, in which a busy machine may not let this program run.
+for number in (signal.SIGINT, signal.SIGTERM):
+    signal.signal(number, end)
+print("running", flush=True)
+time.sleep(600)
 """
 
 
