@@ -31,7 +31,7 @@ class CallFilter(logging.Filter):
     def filter(self, record: logging.LogRecord) -> bool:
         """Add the fields that the record does not have; returns True for every record."""
         call = None if hasattr(record, "call") else answering.get()
-        known = log_fields(call) if call is not None else {}
+        known = log_fields(call.made()) if call is not None else {}
         for name in CALL_FIELDS:
             if not hasattr(record, name):
                 setattr(record, name, known.get(name, ""))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextvars import ContextVar
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 
@@ -40,6 +40,10 @@ class CallInfo(msgspec.Struct, eq=False):
     """The event loop's clock, in seconds."""
     cancelled: bool = False
     """True once the caller has cancelled; plain and threaded callbacks may check it."""
+
+    def made(self) -> CallInfo:
+        """Return the call itself; see `UnmadeCall`."""
+        return self
 
     @property
     def span(self) -> bytes:
@@ -97,8 +101,15 @@ def log_fields(call: CallInfo) -> dict[str, object]:
     }
 
 
-answering: ContextVar[CallInfo | None] = ContextVar("taskrpc_call", default=None)
-"""The call that the running callback serves."""
+class UnmadeCall(Protocol):
+    """A call without a record: most callbacks never ask for it."""
+
+    def made(self) -> CallInfo:
+        """Return the record; the same one each time."""
+
+
+answering: ContextVar[CallInfo | UnmadeCall | None] = ContextVar("taskrpc_call", default=None)
+"""The call that the running callback serves; use `made()` of it."""
 
 
 def current_call() -> CallInfo:
@@ -109,4 +120,4 @@ def current_call() -> CallInfo:
     call = answering.get()
     if call is None:
         raise LookupError("current_call() was called outside a service callback")
-    return call
+    return call.made()

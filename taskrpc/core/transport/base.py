@@ -91,6 +91,37 @@ class IncomingCall(CallInfo, eq=False, kw_only=True):
             self.on_cancel()
 
 
+class Counted(Protocol):
+    """A queue that knows its length."""
+
+    count: int
+
+
+class PlainService(msgspec.Struct, eq=False, kw_only=True):
+    """A service whose calls a connection may run itself; see `connection.plain_serving`.
+
+    A call that the connection cannot end itself is passed to `returned` or `raised`, with the
+    instant at which it began.
+    """
+
+    callback: Callable[[Any, Any], Any]
+    response: type[Any]
+    concurrency: int
+    waiting: Counted
+    """The calls that wait."""
+    returned: Callable[[IncomingCall, Any, float], object]
+    """Takes a call whose callback has returned this."""
+    raised: Callable[[IncomingCall, BaseException, float], object]
+    """Takes a call whose callback has raised this."""
+    finished: Callable[[float], object]
+    """Called after a call if other calls wait, or if the service is withdrawn."""
+    held: Callable[[float], object]
+    """Called with the seconds of a call that held the event loop for `holds_after` seconds."""
+    holds_after: float
+    running: int = 0
+    """Calls that run, or whose effect is not stored yet."""
+
+
 class Offer(msgspec.Struct, frozen=True, eq=False):
     """A service that a node offers."""
 
@@ -111,6 +142,8 @@ class Offer(msgspec.Struct, frozen=True, eq=False):
     """Gets a report of the start and the end of each call."""
     role: Role = Role.SUBMIT
     """The lowest role that may call."""
+    plain: PlainService | None = None
+    """The service, if connections may run its calls themselves."""
 
 
 OnDone: TypeAlias = Callable[[Any, BaseException | None], object]

@@ -231,24 +231,30 @@ class CallingConnection(Connection):
         """The calls that wait for a response, and those that wait to be sent."""
         return [*self.session.open_tickets(), *self._waiting]
 
-    def handled(self) -> None:
-        """Send queued calls and write the output, after all events of a read."""
-        if self._waiting:
-            self._send_waiting()
-        if self._retired and not self.session.in_flight:
-            self.close()
-        if self.session.out:
-            self.flush()
+    def buffer_updated(self, nbytes: int) -> None:
+        """Handle bytes that asyncio has read: complete calls, then send those that wait."""
+        self._watch.received += nbytes
+        session, self.in_turn = self.session, True
+        try:
+            if self._splitter.large is None:
+                found, rest = session.responses(self._read_buffer[:nbytes].tobytes())
+                for call, body in found:
+                    _answered(call, body)
+                if rest:
+                    self.handle(session.feed(rest))
+            else:
+                self.handle(session.filled(nbytes))
+        finally:
+            self.in_turn = False
+            if self._waiting:
+                self._send_waiting()
+            if self._retired and not session.open_calls:
+                self.close()
+            if session.out:
+                self.flush()
 
     def _answered(self, event: ResponseReceived) -> None:
-        call: OpenCall = event.ticket
-        future = call.future
-        try:
-            future.set_result(call.decode(event.body))
-        except (InvalidRequest, ProtocolError) as error:
-            call.failed(_bad_answer(error))
-        except asyncio.InvalidStateError:
-            pass  # cancelled in this turn of the event loop
+        _answered(event.ticket, event.body)
 
     def _failed(self, event: ErrorReceived) -> None:
         # Sent only by the server itself: an exception of a handler arrives as HandlerFailed.
@@ -352,6 +358,15 @@ class CallingConnection(Connection):
         waiting, self._waiting = self._waiting, deque()
         for call in waiting:
             call.refused(error)
+
+
+def _answered(call: OpenCall, body: Body) -> None:
+    try:
+        call.future.set_result(call.decode(body))
+    except (InvalidRequest, ProtocolError) as error:
+        call.failed(_bad_answer(error))
+    except asyncio.InvalidStateError:
+        pass  # cancelled in this turn of the event loop
 
 
 def time_left(deadline: float, now: float) -> int:

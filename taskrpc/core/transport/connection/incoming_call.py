@@ -168,7 +168,10 @@ class RemoteCall(IncomingCall, eq=False, kw_only=True):
 class Route(msgspec.Struct, frozen=True, eq=False):
     """The meaning of a method id of a connection: a service, called by one node of the peer."""
 
+    handle: int
+    """The method id of the connection."""
     method: int
+    """The server's number of the service."""
     offer: Offer
     caller: str
     decode: Callable[[Body], Any]
@@ -186,14 +189,17 @@ class RouteFaults(Protocol):
         """Return a route of a connection whose calls get the faults."""
 
 
-def route_to(offer: Offer, method: int, caller: str, account: str, role: Role) -> Route:
+def route_to(
+    offer: Offer, handle: int, method: int, caller: str, account: str, role: Role
+) -> Route:
     """The route of a peer's node to a service, by the account and role of the peer."""
     request, response = codec_of(offer.srv_type.Request), codec_of(offer.srv_type.Response)
     # Checked here once for all calls of the route: an allowed call pays nothing.
     decode = request.decode if role >= offer.role else denied(offer, account, role)
     has_ids = offer.mode is Mode.EXACTLY_ONCE
     split_id = id_splitter(offer.name) if has_ids else no_request_id(offer)
-    return Route(method, offer, caller, decode, response.encode, call_class(offer), split_id)
+    call = call_class(offer)
+    return Route(handle, method, offer, caller, decode, response.encode, call, split_id)
 
 
 def rerouted(route: Route, offer: Offer) -> Route:
