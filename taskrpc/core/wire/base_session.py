@@ -102,7 +102,7 @@ class BaseSession:
         if self._large_out:
             self._large_out = False
             return _with_small_joined(out)
-        return [b"".join(out)] if out else out
+        return [b"".join(out)] if out[1:] else out
 
     def reject(self, error: TaskRpcError) -> None:
         """Send the peer the reason, and end; nothing is read or sent afterwards."""

@@ -58,11 +58,12 @@ _HEADER_SIZE = HEADER.size
 _LENGTH_SIZE = _HEADER_SIZE - SIZE_OF_EMPTY
 
 
-Answer: TypeAlias = "Callable[[int, int, int, bytes], tuple[bytes, int] | None]"
-"""Takes a call: the call id, the flags, the milliseconds until its deadline, and the body.
+Answer: TypeAlias = "Callable[[int, int, int, bytes, int], tuple[bytes, int, int] | None]"
+"""Takes a call: the call id, the flags, the milliseconds until its deadline, and the body with its
+size.
 
-It returns the response's body, smaller than LARGE and within the peer's limit, with the server time
-in microseconds. Or it returns None: then it has passed the call to `Session.accept`."""
+It returns the response's body, smaller than LARGE and within the peer's limit, its size, and the
+server time in microseconds. Or it returns None: then it has passed the call to `Session.accept`."""
 
 
 class Session(BaseSession):
@@ -186,12 +187,12 @@ class Session(BaseSession):
             ):
                 break
             self.last_call_id = call_id
-            answered = answers[method](call_id, flags, time_left, data[body:end])
+            answered = answers[method](call_id, flags, time_left, data[body:end], end - body)
             if answered is not None and self.state is not _CLOSED:
-                response, server_time = answered
+                response, length, server_time = answered
                 if server_time > LONGEST_TIME:  # noqa: PLR1730 (calling min costs more)
                     server_time = LONGEST_TIME
-                length = SIZE_OF_EMPTY + len(response)
+                length += SIZE_OF_EMPTY
                 self.out.append(_pack(length, _RESPONSE, 0, 0, call_id, server_time) + response)
             start = end
             most -= 1
@@ -218,24 +219,37 @@ class Session(BaseSession):
 
         Return 0, and send nothing, if the request does not fit into the peer's limits now.
         """
-        open_calls, size = self.open_calls, len(body)
-        in_flight = self.bytes_in_flight + size
-        if self.state is not _OPEN:
+        size = len(body)
+        if size < LARGE:
+            frame = self.request_frame(ticket, method, body, time_left, flags, size)
+            if not frame:
+                return 0
+            self.out.append(frame)
+        elif self.request_frame(ticket, method, b"", time_left, flags, size):
+            self.send(_REQUEST, flags, method, self.last_call_id, time_left, body)
+        else:
             return 0
+        return self.last_call_id
+
+    def request_frame(
+        self, ticket: Any, method: int, body: Body, time_left: int, flags: int, size: int
+    ) -> bytes:
+        """Begin a call, and return its frame, which the caller writes or adds to `out`.
+
+        Its call id is `last_call_id`. Return b"" if the request does not fit into the peer's limits
+        now. The body has `size` bytes.
+        """
+        open_calls = self.open_calls
+        if self.state is not _OPEN:
+            return b""
         if open_calls:  # a single request may exceed the limit for all requests together
             limits = self.their_limits
-            if len(open_calls) >= limits.calls or in_flight > limits.bytes:
-                return 0
+            if len(open_calls) >= limits.calls or self.bytes_in_flight + size > limits.bytes:
+                return b""
         self.last_call_id = call_id = self.last_call_id + 1
         open_calls[call_id] = (ticket, size)
-        self.bytes_in_flight = in_flight
-        # Packed here, and in `respond`: two calls of `send` would cost 2 % of a call.
-        if size < LARGE:
-            header = _pack(SIZE_OF_EMPTY + size, _REQUEST, flags, method, call_id, time_left)
-            self.out.append(header + body)
-        else:
-            self.send(_REQUEST, flags, method, call_id, time_left, body)
-        return call_id
+        self.bytes_in_flight += size
+        return _pack(SIZE_OF_EMPTY + size, _REQUEST, flags, method, call_id, time_left) + body
 
     def resolve(self, ticket: Any, question: messages.Resolve, *, definition: bool = False) -> int:
         """Ask for a service, or for a listing; `ticket` is returned with the response."""

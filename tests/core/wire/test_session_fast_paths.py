@@ -3,6 +3,7 @@
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from taskrpc.core.wire.events import ResponseReceived
 from taskrpc.core.wire.frames import HEADER, LARGE, NO_DEADLINE, FrameType, pack_frame
 from taskrpc.core.wire.session import LONGEST_TIME
 from tests.core.wire.helpers import open_pair, receive
@@ -94,3 +95,42 @@ def test_frame_in_one_read_has_the_same_effects_as_in_two_pieces(stream, data, i
         events = list(whole.feed(each))
         assert repr(events) == repr([*cut.feed(each[:middle]), *cut.feed(each[middle:])])
         assert state_of(whole) == state_of(cut)
+
+
+response = st.builds(
+    frame, st.just(FrameType.RESPONSE), st.integers(1, 5), st.integers(0, 9), st.binary(max_size=52)
+)
+reads = st.lists(st.lists(st.one_of(response, response, some_frame), max_size=5), max_size=4)
+
+
+@given(reads, st.lists(st.integers(1, 40), max_size=6), st.booleans())
+@settings(max_examples=examples(200))
+def test_responses_of_a_read_have_the_same_effects_as_their_events(reads, cuts, drains):
+    ends = []
+    for pair in (open_pair(), open_pair()):
+        for number in range(4):
+            pair.client.request(f"ticket {number}", 1, bytes(number), 100)
+        pair.client.cancel(2)
+        if drains:
+            pair.server.drain()
+            pair.deliver(pair.client)
+        pair.client.splitter.limit = LIMIT
+        ends.append(pair.client)
+    plain, general = ends
+    stream = b"".join(each for read in reads for each in read)
+    while stream:
+        count = cuts.pop() if cuts else len(stream)
+        data, stream = stream[:count], stream[count:]
+        found, rest = plain.responses(data)
+        events = [(ticket, bytes(body)) for ticket, body in found]
+        events += [noted(event) for event in (plain.feed(rest) if rest else ())]
+        assert events == [noted(event) for event in general.feed(data)]
+        assert state_of(plain) == state_of(general)
+        assert plain.splitter.tail == general.splitter.tail
+
+
+def noted(event):
+    """What a client does with an event, for comparison."""
+    if isinstance(event, ResponseReceived):
+        return event.ticket, bytes(event.body)
+    return repr(event)

@@ -110,8 +110,7 @@ def answer_of(connection: PlainConnection, route: Route) -> Answer:
 def _general(connection: PlainConnection, route: Route) -> Answer:
     session, handle = connection.session, route.handle
 
-    def answer(call_id: int, flags: int, time_left: int, body: bytes) -> None:
-        size = len(body)
+    def answer(call_id: int, flags: int, time_left: int, body: bytes, size: int) -> None:
         connection.requested(session.accept(call_id, handle, flags, time_left, body, size))
 
     return answer
@@ -126,7 +125,9 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
     set_answering, reset_answering = answering.set, answering.reset
     limit = min(session.body_limit, LARGE - 1)
 
-    def answer(call_id: int, flags: int, time_left: int, body: bytes) -> tuple[bytes, int] | None:
+    def answer(
+        call_id: int, flags: int, time_left: int, body: bytes, size: int
+    ) -> tuple[bytes, int, int] | None:
         arrived, began = connection.read_at, connection.clock_at
         request = None
         if (
@@ -143,13 +144,12 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
             except (InvalidRequest, PermissionDenied, ProtocolError):
                 request = None  # decoded again, to report the error
         if request is None:
-            size = len(body)
             connection.requested(session.accept(call_id, handle, flags, time_left, body, size))
             connection.clock_at = now()
             return None
         service.running += 1
         call = PlainCall(
-            connection, route, call_id, time_left, request, next(numbers), arrived, len(body)
+            connection, route, call_id, time_left, request, next(numbers), arrived, size
         )
         encoded = None
         token = set_answering(call)
@@ -165,7 +165,7 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
                     encoded = encode(response)
                 except Exception:
                     encoded = None  # encoded again, to report the error
-            if encoded is None or len(encoded) > limit:
+            if encoded is None or (length := len(encoded)) > limit:
                 service.returned(call.made(), response, began)
                 connection.clock_at = now()
                 return None
@@ -178,6 +178,6 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
         service.running -= 1
         if waiting.count or method not in offers:
             service.finished(began)
-        return encoded, int((ended - arrived) * 1e6 + 0.5)
+        return encoded, length, int((ended - arrived) * 1e6 + 0.5)
 
     return answer

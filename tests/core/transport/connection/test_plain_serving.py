@@ -7,7 +7,6 @@ import contextlib
 import inspect
 import logging
 import textwrap
-from typing import Any
 from unittest import mock
 
 import pytest
@@ -430,7 +429,7 @@ PLAIN = [
     ("service.running -= 1", "pass"),
     ("next(numbers)", "1"),
     (" and call.call is None", ""),
-    (" or len(encoded) > limit", ""),
+    ("(length := len(encoded)) > limit", "(length := len(encoded)) < 0"),
     ("service.raised(", "service.returned("),
     ("reset_answering(token)", "pass"),
     ("call.ended = True", "pass"),
