@@ -118,12 +118,14 @@ class Client(Generic[RequestT, ResponseT]):
                 the service is neither idempotent nor exactly-once.
             TypeMismatch, ServerBusy, HandlerFailed, OutcomeUnknown, …: see `taskrpc.errors`.
         """
-        deadline = self._deadline(timeout)
+        seconds, left = self._timeout, self._left  # as in `_deadline`
+        if timeout is not UNSET:
+            seconds, left = _checked(timeout), 0
+        deadline = None if seconds is None else self._now() + seconds
         policy = self._retry if retry is UNSET else retry
         channel, call = self._channel, None
         response: ResponseT
         if policy is None and not request_id:
-            left = self._left if timeout is UNSET else 0
             call = channel.send(request, deadline, None, left)
         if call is None:
             response = await self._attempts(request, deadline, policy, request_id).result()

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextvars
-import inspect
 import logging
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Hashable
 from functools import partial
+from types import CoroutineType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
@@ -278,7 +278,7 @@ class Service:
     def _run_async(self, call: IncomingCall, result: Awaitable[Any], began: float) -> bool:
         """Run an awaitable; return whether it has suspended."""
         coroutine: Coroutine[Any, Any, Any]
-        if inspect.iscoroutine(result):
+        if isinstance(result, CoroutineType):
             coroutine = result
         elif isinstance(result, asyncio.Future) and result.get_loop() is self._loop:
             if result.done():
@@ -289,13 +289,18 @@ class Service:
             return True
         else:
             coroutine = as_coroutine(result)
+        # An exactly-once service stores the response first, which would need another task.
+        ended = _AsyncCall(self, call) if self._deduplicator is None else None
         try:
-            job = self._starter.start(partial(answering.set, call), coroutine)
+            job = self._starter.start(partial(answering.set, call), coroutine, ended)
         except StopIteration as done:
             self._returned(call, done.value)
             return False
         call.on_cancel = job.cancel
-        self._await(job, call, began)
+        if ended is None:
+            self._await(job, call, began)
+        else:
+            self._jobs[call] = job, began
         return True
 
     def _run_in_thread(
@@ -312,6 +317,15 @@ class Service:
     def _await(self, job: asyncio.Future[Any], call: IncomingCall, began: float) -> None:
         self._jobs[call] = job, began
         job.add_done_callback(partial(self._job_done, call))
+
+    def _job_returned(self, call: IncomingCall, response: Any) -> None:
+        """Answer a call whose coroutine has returned, while its task still runs."""
+        _, began = self._jobs.pop(call)
+        call.on_cancel = None  # breaks a reference cycle: the job has the call in its context
+        self._returned(call, response)
+        self._load.running -= 1
+        if self._waiting.count or self._destroyed:
+            self._finished(began)
 
     def _job_done(self, call: IncomingCall, done: asyncio.Future[Any]) -> None:
         _, began = self._jobs.pop(call)
@@ -427,3 +441,18 @@ class Service:
                 seconds,
                 extra={"service": self.service_name},
             )
+
+
+class _AsyncCall(msgspec.Struct, eq=False):
+    """A call whose coroutine has suspended."""
+
+    service: Service
+    call: IncomingCall
+
+    def returned(self, value: Any) -> None:
+        """Answer: the coroutine has returned."""
+        self.service._job_returned(self.call, value)
+
+    def done(self, task: asyncio.Future[Any]) -> None:
+        """Answer: the task is done."""
+        self.service._job_done(self.call, task)

@@ -129,8 +129,8 @@ class Session(BaseSession):
     # The two frames of a call, without events. Both methods do the same as `feed`, with a third of
     # its function calls, and leave all other frames to it; a test compares them.
 
-    def responses(self, data: bytes) -> tuple[list[tuple[Any, Body]], bytes]:
-        """Process the responses with which a client's read begins.
+    def responses(self, data: bytes, size: int) -> tuple[list[tuple[Any, Body]], bytes]:
+        """Process the responses with which a client's read of `size` bytes begins.
 
         Return the tickets of their calls, each with the body, and the bytes that are left for
         `feed`: from the first frame on that is no whole response to a call that is open.
@@ -141,7 +141,8 @@ class Session(BaseSession):
             return found, data
         if splitter.tail:
             data = splitter.take_tail() + data
-        start, size = 0, len(data)
+            size = len(data)
+        start = 0
         while size - start >= _HEADER_SIZE:
             length, type_, _, _, call_id, _ = _unpack(data, start)
             body, end = start + _HEADER_SIZE, start + _LENGTH_SIZE + length
@@ -157,8 +158,10 @@ class Session(BaseSession):
             start = end
         return found, data[start:]
 
-    def serve(self, data: bytes, answers: Mapping[int, Answer], most: int) -> tuple[bytes, int]:
-        """Pass the requests with which a server's read begins to `answers`, at most so many.
+    def serve(
+        self, data: bytes, size: int, answers: Mapping[int, Answer], most: int
+    ) -> tuple[bytes, int]:
+        """Pass the requests with which a read of `size` bytes begins to `answers`, at most `most`.
 
         `answers` has a function for each method id. Return the bytes that are left for `feed`, and
         how many requests were left of `most`. Left are all frames from the first one on that is no
@@ -169,7 +172,8 @@ class Session(BaseSession):
             return data, most
         if splitter.tail:
             data = splitter.take_tail() + data
-        start, size = 0, len(data)
+            size = len(data)
+        start = 0
         while size - start >= _HEADER_SIZE and most and self.state is _OPEN:
             length, type_, flags, method, call_id, time_left = _unpack(data, start)
             body, end = start + _HEADER_SIZE, start + _LENGTH_SIZE + length

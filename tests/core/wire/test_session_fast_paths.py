@@ -121,7 +121,7 @@ def test_responses_of_a_read_have_the_same_effects_as_their_events(reads, cuts, 
     while stream:
         count = cuts.pop() if cuts else len(stream)
         data, stream = stream[:count], stream[count:]
-        found, rest = plain.responses(data)
+        found, rest = plain.responses(data, len(data))
         events = [(ticket, bytes(body)) for ticket, body in found]
         events += [noted(event) for event in (plain.feed(rest) if rest else ())]
         assert events == [noted(event) for event in general.feed(data)]

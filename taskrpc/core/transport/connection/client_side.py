@@ -166,7 +166,7 @@ class CallingConnection(Connection):
         """Whether new calls may begin here."""
         return self.is_open and self.session.last_call_id < LAST_CALL_ID
 
-    def begin(self, call: OpenCall, left: int = 0) -> None:
+    def begin(self, call: OpenCall, left: int = 0) -> None:  # noqa: PLR0912 (runs for each call)
         """Send a call, or queue it under its deadline while the peer's limits are reached.
 
         `left` is the milliseconds until the deadline, if the caller has just computed them.
@@ -192,20 +192,21 @@ class CallingConnection(Connection):
                 self._waiting.append(call)
             return
         # The same as `_send`, with a third of its function calls: it writes without `flush`.
-        at_once = self.writes_at_once and not (session.open_calls or session.out or self.in_turn)
+        is_first = not session.open_calls
+        at_once = is_first and self.writes_at_once and not (session.out or self.in_turn)
         frame = session.request_frame(call, call.method, body, left, call.flags, size)
+        call.call_id = session.last_call_id if frame else 0
+        if session.last_call_id >= LAST_CALL_ID:
+            self.epoch += 1
         if not frame:
             self._waiting.append(call)
-            return
-        call.call_id = call_id = session.last_call_id
-        if call_id >= LAST_CALL_ID:
-            self.epoch += 1
-        if at_once and (transport := self.transport) is not None:
+        elif at_once and self.transport is not None:
             self._watch.written += HEADER.size + size
-            transport.write(frame)
+            self.transport.write(frame)
         else:
             session.out.append(frame)
-            self._flush_request(size)
+            if is_first or not self._flush_planned:
+                self._flush_request(size)
 
     @property
     def holds_back(self) -> bool:
@@ -267,7 +268,8 @@ class CallingConnection(Connection):
         session, self.in_turn = self.session, True
         try:
             if self._splitter.large is None:
-                found, rest = session.responses(self._read_buffer[:nbytes].tobytes())
+                data = self._read_buffer[:nbytes].tobytes()
+                found, rest = session.responses(data, nbytes)
                 if found:
                     _complete(found)
                 if rest:

@@ -13,7 +13,7 @@ from srvgen import excepthook
 from taskrpc.core.callinfo import CallInfo, log_fields
 from taskrpc.core.request_ids.ids import ReceivedId, id_splitter
 from taskrpc.core.security.roles import Role
-from taskrpc.core.transport.base import IncomingCall, Mode, Offer
+from taskrpc.core.transport.base import CallNumbers, IncomingCall, Mode, Offer
 from taskrpc.core.transport.codec import codec_of
 from taskrpc.core.transport.connection.connection import Owner
 from taskrpc.core.transport.limits.quotas import QuotaKey
@@ -34,8 +34,6 @@ from taskrpc.errors import (
 )
 
 if TYPE_CHECKING:
-    from itertools import count
-
     from taskrpc.core.observer import Observer
     from taskrpc.core.wire.session import Session
 
@@ -45,7 +43,7 @@ log = logging.getLogger("taskrpc.server")
 class CallNumbering(Protocol):
     """The part of a server that all its calls share."""
 
-    call_numbers: count[int]
+    call_numbers: CallNumbers
     now: Callable[[], float]
     """The event loop's clock."""
 
@@ -325,7 +323,7 @@ def refused(connection: CallConnection, route: Route, error: TaskRpcError) -> No
     """Report a request to the observer that was refused before it became a call."""
     server, offer = connection.server, route.offer
     caller = route.caller, connection.principal, connection.role
-    call = CallInfo(offer.name, *caller, next(server.call_numbers), None, server.now)
+    call = CallInfo(offer.name, *caller, server.call_numbers.next(), None, server.now)
     _report_end(call, offer.observer, code_of(error), 0.0)
 
 

@@ -21,13 +21,13 @@ response is invalid or large. The path makes no error itself, so each error has 
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import count
 from typing import Any, Protocol
 
 import msgspec
 
 from taskrpc.core.callinfo import answering
-from taskrpc.core.transport.base import Offer, PlainService
+from taskrpc.core.transport.base import CallNumbers, Offer, PlainService
+from taskrpc.core.transport.codec import pack
 from taskrpc.core.transport.connection.incoming_call import RemoteCall, Route
 from taskrpc.core.transport.limits.backpressure import Backpressure
 from taskrpc.core.wire.events import RequestReceived
@@ -40,7 +40,7 @@ class PlainServer(Protocol):
     """What the path needs from the process."""
 
     offers: dict[int, Offer]
-    call_numbers: count[int]
+    call_numbers: CallNumbers
     now: Callable[[], float]
 
 
@@ -120,7 +120,7 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
     session, server, backpressure = connection.session, connection.server, connection.backpressure
     offers, numbers, now = server.offers, server.call_numbers, server.now
     handle, method, waiting = route.handle, route.method, service.waiting
-    decode, encode = route.decode, route.encode
+    decode = route.decode
     callback, response_class = service.callback, service.response
     set_answering, reset_answering = answering.set, answering.reset
     limit = min(session.body_limit, LARGE - 1)
@@ -148,9 +148,8 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
             connection.clock_at = now()
             return None
         service.running += 1
-        call = PlainCall(
-            connection, route, call_id, time_left, request, next(numbers), arrived, size
-        )
+        numbers.last = number = numbers.last + 1
+        call = PlainCall(connection, route, call_id, time_left, request, number, arrived, size)
         encoded = None
         token = set_answering(call)
         try:
@@ -162,7 +161,8 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
                 return None
             if response.__class__ is response_class and call.call is None:
                 try:
-                    encoded = encode(response)
+                    response._check()
+                    encoded = pack(response)
                 except Exception:
                     encoded = None  # encoded again, to report the error
             if encoded is None or (length := len(encoded)) > limit:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias, cast
 
 from taskrpc.core.request_ids.ids import ReceivedId
 from taskrpc.core.security.roles import Account, Accounts, Role
-from taskrpc.core.transport.base import Offer
+from taskrpc.core.transport.base import CallNumbers, Offer
 from taskrpc.core.transport.connection.connection import BATCH, UNREAD_LIMIT, Connection, Owner
 from taskrpc.core.transport.connection.incoming_call import (
     RemoteCall,
@@ -51,8 +51,6 @@ from taskrpc.errors import (
 )
 
 if TYPE_CHECKING:
-    from itertools import count
-
     from taskrpc.core.transport.connection.call_meter import CallMeter
     from taskrpc.core.wire.statistics import Statistics
 
@@ -106,7 +104,7 @@ class PublishedTopics(Protocol):
 class ServerContext(Owner, Protocol):
     """What a process offers, as far as its connections need it."""
 
-    call_numbers: count[int]
+    call_numbers: CallNumbers
     """Counts calls, for logs."""
     offers: dict[int, Offer]
     """The services by their method ids."""
@@ -203,7 +201,7 @@ class ServingConnection(Connection):
         try:
             if self._splitter.large is None:
                 data = self._read_buffer[:nbytes].tobytes()
-                rest, left = session.serve(data, self.answers, BATCH)
+                rest, left = session.serve(data, nbytes, self.answers, BATCH)
                 if rest or self._splitter.behind:
                     self._serve_rest(rest, left)
             else:
@@ -220,10 +218,17 @@ class ServingConnection(Connection):
         done = BATCH - left
         while rest and not left and done < FRAMES_A_TURN:
             self.flush()
-            rest, left = self.session.serve(rest, self.answers, BATCH)
+            rest, left = self.session.serve(rest, len(rest), self.answers, BATCH)
             done += BATCH - left
         if rest or self._splitter.behind:
             self.handle(self.session.feed(rest, done))
+
+    def flush_soon(self) -> None:
+        """Write at the end of this turn of the event loop, or at once if no call is in flight."""
+        if not self.session.open_calls and not self.in_turn and not self._flush_planned:
+            self.flush()
+        else:
+            super().flush_soon()
 
     def pause_writing(self) -> None:
         """Begin no more calls: the caller reads more slowly than we answer."""
@@ -394,7 +399,7 @@ class ServingConnection(Connection):
             event.call_id,
             event.time_left,
             request,
-            next(host.call_numbers),
+            host.call_numbers.next(),
             self.read_at,
             received_id,
         )
