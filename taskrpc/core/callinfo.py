@@ -41,10 +41,6 @@ class CallInfo(msgspec.Struct, eq=False):
     cancelled: bool = False
     """True once the caller has cancelled; plain and threaded callbacks may check it."""
 
-    def made(self) -> CallInfo:
-        """Return the call itself; see `UnmadeCall`."""
-        return self
-
     @property
     def span(self) -> bytes:
         """The caller's span: 16 bytes of trace id, 8 of span id, 1 of flags; empty for none."""
@@ -109,7 +105,13 @@ class UnmadeCall(Protocol):
 
 
 answering: ContextVar[CallInfo | UnmadeCall | None] = ContextVar("taskrpc_call", default=None)
-"""The call that the running callback serves; use `made()` of it."""
+"""The call that the running callback serves; read it with `answered_call`."""
+
+
+def answered_call() -> CallInfo | None:
+    """Return the call that the running callback serves, None outside a callback."""
+    call = answering.get()
+    return call if call is None or isinstance(call, CallInfo) else call.made()
 
 
 def current_call() -> CallInfo:
@@ -117,7 +119,7 @@ def current_call() -> CallInfo:
 
     Raises LookupError outside a service callback.
     """
-    call = answering.get()
+    call = answered_call()
     if call is None:
         raise LookupError("current_call() was called outside a service callback")
-    return call.made()
+    return call
