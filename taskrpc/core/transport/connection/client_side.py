@@ -195,12 +195,13 @@ class CallingConnection(Connection):
         is_first = not session.open_calls
         at_once = is_first and self.writes_at_once and not (session.out or self.in_turn)
         frame = session.request_frame(call, call.method, body, left, call.flags, size)
-        call.call_id = session.last_call_id if frame else 0
-        if session.last_call_id >= LAST_CALL_ID:
-            self.epoch += 1
         if not frame:
             self._waiting.append(call)
-        elif at_once and self.transport is not None:
+            return
+        call.call_id = call_id = session.last_call_id
+        if call_id >= LAST_CALL_ID:
+            self.epoch += 1
+        if at_once and self.transport is not None:
             self._watch.written += HEADER.size + size
             self.transport.write(frame)
         else:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import inspect
 import logging
-import textwrap
 from unittest import mock
 
 import pytest
@@ -26,6 +24,7 @@ from taskrpc.core.wire.messages import Limits, Resolve
 from taskrpc.core.wire.session import Session
 from taskrpc.errors import Code, HandlerError
 from taskrpc.testing import VirtualTimeLoop
+from tests.core.wire.helpers import Replaced
 from tests.properties import examples
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
@@ -402,18 +401,6 @@ SCENARIOS = [
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_plain_path_has_the_results_of_the_general_path_in_rare_cases(scenario):
     assert_same(scenario)
-
-
-class Replaced:
-    """A function of the product with another text."""
-
-    def __init__(self, owner, name, text, by):
-        source = textwrap.dedent(inspect.getsource(getattr(owner, name)))
-        assert text in source, "the planted difference does not fit the product"
-        made = {}
-        module = inspect.getmodule(owner)
-        exec(source.replace(text, by), vars(module), made)
-        self.patch = mock.patch.object(owner, name, made[name])
 
 
 PLAIN = [
