@@ -15,6 +15,7 @@ from taskrpc.core.attempts import Attempts
 from taskrpc.core.transport.base import OnDone
 from taskrpc.core.transport.channel import RemoteChannel
 from taskrpc.core.transport.codec import ServiceType
+from taskrpc.core.transport.connection.client_side import time_left
 from taskrpc.core.transport.connection.client_threads import CallbackWaiter, Waiter
 from taskrpc.core.transport.connection.deadline_timer import clock_of
 from taskrpc.core.transport.endpoint import Endpoint
@@ -65,6 +66,8 @@ class Client(Generic[RequestT, ResponseT]):
         self.srv_type = srv_type
         self.service_name = name
         self._timeout = checked_timeout(timeout)
+        self._left = 0 if timeout is None else time_left(timeout, 0.0)
+        """Milliseconds until the deadline of a call without a timeout of its own."""
         self._retry = retry
         self._budget = RetryBudget()
         self._loop = asyncio.get_running_loop()
@@ -116,12 +119,15 @@ class Client(Generic[RequestT, ResponseT]):
                 the service is neither idempotent nor exactly-once.
             TypeMismatch, ServerBusy, HandlerFailed, OutcomeUnknown, …: see `taskrpc.errors`.
         """
-        deadline = self._deadline(timeout)
+        seconds, left = self._timeout, self._left  # as in `_deadline`
+        if timeout is not UNSET:
+            seconds, left = _checked(timeout), 0
+        deadline = None if seconds is None else self._now() + seconds
         policy = self._retry if retry is UNSET else retry
         channel, call = self._channel, None
         response: ResponseT
         if policy is None and not request_id:
-            call = channel.send(request, deadline)
+            call = channel.send(request, deadline, None, left)
         if call is None:
             response = await self._attempts(request, deadline, policy, request_id).result()
             return response

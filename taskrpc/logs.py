@@ -6,7 +6,7 @@ import logging
 import re
 from typing import IO, Any
 
-from taskrpc.core.callinfo import answering, log_fields
+from taskrpc.core.callinfo import answered_call, log_fields
 
 CALL_FIELDS = ("call", "service", "caller", "principal")
 """The attributes that a `CallFilter` gives to each log record."""
@@ -30,7 +30,7 @@ class CallFilter(logging.Filter):
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Add the fields that the record does not have; returns True for every record."""
-        call = None if hasattr(record, "call") else answering.get()
+        call = None if hasattr(record, "call") else answered_call()
         known = log_fields(call) if call is not None else {}
         for name in CALL_FIELDS:
             if not hasattr(record, name):

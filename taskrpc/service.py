@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextvars
-import inspect
 import logging
 from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine, Hashable
 from functools import partial
+from types import CoroutineType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
@@ -27,7 +27,7 @@ from taskrpc.core.execution.eager_start import EagerStarter
 from taskrpc.core.execution.fair_queue import FairQueue
 from taskrpc.core.request_ids.ids import CompletionStore
 from taskrpc.core.security.roles import Role
-from taskrpc.core.transport.base import IncomingCall, Mode, Offer
+from taskrpc.core.transport.base import IncomingCall, Mode, Offer, PlainService
 from taskrpc.core.transport.codec import ServiceType, codec_of
 from taskrpc.core.transport.connection.deadline_timer import TICK, clock_of
 from taskrpc.core.transport.connection.incoming_call import answer_unexpected
@@ -97,10 +97,19 @@ class Service:
         self.srv_type = srv_type
         self.service_name = name
         self._callback = callback
-        self._concurrency = concurrency
-        self._running = 0
-        """Calls that run, or whose effect is not stored yet."""
         self._waiting: FairQueue[IncomingCall] = FairQueue()
+        self._load = PlainService(
+            callback=callback,
+            response=srv_type.Response,
+            concurrency=concurrency,
+            waiting=self._waiting,
+            returned=self._continue,
+            raised=self._break_off,
+            finished=self._finished,
+            held=self._held_loop,
+            holds_after=HOLDS_LOOP_AFTER,
+        )
+        """Its calls that run; connections run plain calls themselves."""
         self._jobs: dict[IncomingCall, tuple[asyncio.Future[Any], float]] = {}
         """The task or thread job of each call that has one, and when the call began."""
         self._durations: deque[float] = deque(maxlen=SAMPLED)
@@ -139,7 +148,8 @@ class Service:
         if deduplicator is not None:
             serve, store_id, mode = deduplicator.arrived, deduplicator.store_id, Mode.EXACTLY_ONCE
         name, srv_type = self.service_name, self.srv_type
-        return Offer(name, srv_type, node, serve, mode, join, store_id, observer, role)
+        plain = self._load if deduplicator is None and self._threads is None else None
+        return Offer(name, srv_type, node, serve, mode, join, store_id, observer, role, plain)
 
     def _close_deduplicator(self) -> None:
         if self._deduplicator is not None:
@@ -163,7 +173,7 @@ class Service:
         from taskrpc.core.observer import ServiceStatus  # few programs need it
 
         once = None if self._deduplicator is None else self._deduplicator.status()
-        return ServiceStatus(self.service_name, self._running, self._waiting.count, once)
+        return ServiceStatus(self.service_name, self._load.running, self._waiting.count, once)
 
     def abandon(self) -> None:
         """Stop at once: waiting calls get ServiceUnavailable, running ones OutcomeUnknown."""
@@ -183,7 +193,7 @@ class Service:
     def _arrived(self, call: IncomingCall) -> None:
         if self._destroyed:
             call.fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
-        elif self._running < self._concurrency and not self._waiting.count:
+        elif self._load.running < self._load.concurrency and not self._waiting.count:
             self._start(call)
         else:
             self._wait(call)
@@ -210,44 +220,66 @@ class Service:
             return False
         call.started = True
         call.on_cancel = None
-        self._running += 1
+        self._load.running += 1
         if self._threads is not None:
             self._run_in_thread(self._threads, call, self._response(), began)
             return True
         token = answering.set(call)
         try:
             result = self._callback(call.request, self._response())
+        except BaseException as error:
+            self._break_off(call, error, began)
+        else:
+            self._continue(call, result, began)
+        finally:
+            answering.reset(token)
+        return True
+
+    def _continue(self, call: IncomingCall, result: Any, began: float) -> None:
+        """Answer a call with the result of its callback, or await the result."""
+        try:
             if result.__class__ is not self._response and hasattr(result, "__await__"):
                 if self._run_async(call, result, began):
-                    return True
+                    self._check_held(began)
+                    return
             else:
                 self._returned(call, result)
         except BaseException as error:
-            self._raised(call, error)
-            if isinstance(error, SystemExit | KeyboardInterrupt):
-                # Not raised here: uvloop swallows errors of a protocol, and the call would count as
-                # running for ever, so that a drain would wait for it.
-                self._loop.call_soon(end_program, error)
-        finally:
-            answering.reset(token)
-            if (held := self._now() - began) > HOLDS_LOOP_AFTER:
-                self._held_loop(held)
+            self._break_off(call, error, began)
+        else:
+            self._end(call, began)
+
+    def _break_off(self, call: IncomingCall, error: BaseException, began: float) -> None:
+        """Answer a call whose callback has raised."""
+        self._raised(call, error)
+        if isinstance(error, SystemExit | KeyboardInterrupt):
+            # Not raised here: uvloop swallows errors of a protocol, and the call would count as
+            # running for ever, so that a drain would wait for it.
+            self._loop.call_soon(end_program, error)
+        self._end(call, began)
+
+    def _end(self, call: IncomingCall, began: float) -> None:
+        """Count a call as ended, unless its effect is not stored yet."""
+        self._check_held(began)
         deduplicator = self._deduplicator
         if (
             deduplicator is not None
             and deduplicator.storing
             and self._waits_for_store(deduplicator, call, began)
         ):
-            return True
-        self._running -= 1
+            return
+        self._load.running -= 1
         if self._waiting.count or self._destroyed:
             self._finished(began)
-        return True
+
+    def _check_held(self, began: float) -> None:
+        if (held := self._now() - began) > HOLDS_LOOP_AFTER:
+            self._held_loop(held)
 
     def _run_async(self, call: IncomingCall, result: Awaitable[Any], began: float) -> bool:
         """Run an awaitable; return whether it has suspended."""
         coroutine: Coroutine[Any, Any, Any]
-        if inspect.iscoroutine(result):
+        if isinstance(result, CoroutineType):
             coroutine = result
         elif isinstance(result, asyncio.Future) and result.get_loop() is self._loop:
             if result.done():
@@ -258,13 +290,18 @@ class Service:
             return True
         else:
             coroutine = as_coroutine(result)
+        # An exactly-once service stores the response first, which would need another task.
+        ended = _AsyncCall(self, call) if self._deduplicator is None else None
         try:
-            job = self._starter.start(partial(answering.set, call), coroutine)
+            job = self._starter.start(partial(answering.set, call), coroutine, ended)
         except StopIteration as done:
             self._returned(call, done.value)
             return False
         call.on_cancel = job.cancel
-        self._await(job, call, began)
+        if ended is None:
+            self._await(job, call, began)
+        else:
+            self._jobs[call] = job, began
         return True
 
     def _run_in_thread(
@@ -281,6 +318,15 @@ class Service:
     def _await(self, job: asyncio.Future[Any], call: IncomingCall, began: float) -> None:
         self._jobs[call] = job, began
         job.add_done_callback(partial(self._job_done, call))
+
+    def _job_returned(self, call: IncomingCall, response: Any) -> None:
+        """Answer a call whose coroutine has returned, while its task still runs."""
+        _, began = self._jobs.pop(call)
+        call.on_cancel = None  # breaks a reference cycle: the job has the call in its context
+        self._returned(call, response)
+        self._load.running -= 1
+        if self._waiting.count or self._destroyed:
+            self._finished(began)
 
     def _job_done(self, call: IncomingCall, done: asyncio.Future[Any]) -> None:
         _, began = self._jobs.pop(call)
@@ -307,7 +353,7 @@ class Service:
         return True
 
     def _stored(self, began: float) -> None:
-        self._running -= 1
+        self._load.running -= 1
         self._finished(began)
 
     def _returned(self, call: IncomingCall, response: Any) -> None:
@@ -345,7 +391,7 @@ class Service:
             self._finish_if_idle()
 
     def _start_waiting(self) -> None:
-        while self._waiting.count and self._running < self._concurrency:
+        while self._waiting.count and self._load.running < self._load.concurrency:
             call = self._waiting.take()
             if call.must_wait():
                 self._postpone(call)
@@ -378,7 +424,7 @@ class Service:
         self._finish_if_idle()
 
     def _finish_if_idle(self) -> None:
-        is_busy = self._running or self._waiting.count
+        is_busy = self._load.running or self._waiting.count
         if self._destroyed and not is_busy and not self.finished.done():
             self.finished.set_result(None)
             self._starter.close()
@@ -396,3 +442,18 @@ class Service:
                 seconds,
                 extra={"service": self.service_name},
             )
+
+
+class _AsyncCall(msgspec.Struct, eq=False):
+    """A call whose coroutine has suspended."""
+
+    service: Service
+    call: IncomingCall
+
+    def returned(self, value: Any) -> None:
+        """Answer: the coroutine has returned."""
+        self.service._job_returned(self.call, value)
+
+    def done(self, task: asyncio.Future[Any]) -> None:
+        """Answer: the task is done."""
+        self.service._job_done(self.call, task)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextvars import ContextVar
-from typing import Any
+from typing import Any, Protocol
 
 import msgspec
 
@@ -97,8 +97,21 @@ def log_fields(call: CallInfo) -> dict[str, object]:
     }
 
 
-answering: ContextVar[CallInfo | None] = ContextVar("taskrpc_call", default=None)
-"""The call that the running callback serves."""
+class UnmadeCall(Protocol):
+    """A call without a record: most callbacks never ask for it."""
+
+    def made(self) -> CallInfo:
+        """Return the record; the same one each time."""
+
+
+answering: ContextVar[CallInfo | UnmadeCall | None] = ContextVar("taskrpc_call", default=None)
+"""The call that the running callback serves; read it with `answered_call`."""
+
+
+def answered_call() -> CallInfo | None:
+    """Return the call that the running callback serves, None outside a callback."""
+    call = answering.get()
+    return call if call is None or isinstance(call, CallInfo) else call.made()
 
 
 def current_call() -> CallInfo:
@@ -106,7 +119,7 @@ def current_call() -> CallInfo:
 
     Raises LookupError outside a service callback.
     """
-    call = answering.get()
+    call = answered_call()
     if call is None:
         raise LookupError("current_call() was called outside a service callback")
     return call

@@ -82,7 +82,7 @@ class FakeChannel:
     def forget_waiting(self, call):
         self.line.remove(call)
 
-    def send(self, request, deadline, number=None):
+    def send(self, request, deadline, number=None, left=0):
         self.sent.append(number)
         outcome = self.outcomes.pop(0)
         if isinstance(outcome, tuple):
@@ -246,7 +246,7 @@ class Transport:
 class CountingChannel(FakeChannel):
     """A fake channel that also takes sequence numbers itself, as `RemoteChannel` does."""
 
-    def send(self, request, deadline, number=None):
+    def send(self, request, deadline, number=None, left=0):
         if number is not None or not self.store_id:
             return super().send(request, deadline, number)
         counter = self.counter()
@@ -319,7 +319,7 @@ DELAYS = st.none() | st.integers(1, 12)
 class TimedChannel(FakeChannel):
     """Each attempt gets its response after a delay, or fails at its deadline; as a server does."""
 
-    def send(self, request, deadline, number=None):
+    def send(self, request, deadline, number=None, left=0):
         loop, delay = asyncio.get_running_loop(), self.outcomes[0]
         self.outcomes[0] = NEVER
         call = super().send(request, deadline, number)

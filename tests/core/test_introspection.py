@@ -113,7 +113,7 @@ async def test_switched_off_introspection_does_not_change_calls(server, listener
     server.configure_introspection(service, "off")
     await listener.create_client(Add, "add").call(ask(2, 3))
     (connection,) = server._transport._served
-    (route,) = connection._routes.values()
+    (route,) = connection.routes.values()
     assert route.call.__name__ == "RemoteCall"
     entries = await listener.graph()
     assert not [each for entry in entries for each in entry.publishers]

@@ -32,7 +32,7 @@ def runs_whatever_waited(patch):
 
 
 def counts_from_when_a_request_is_handled(patch):
-    requested = server_side.ServingConnection._requested
+    requested = server_side.ServingConnection.requested
 
     def late(connection, event):
         connection.read_at = connection.server.now()
@@ -40,6 +40,7 @@ def counts_from_when_a_request_is_handled(patch):
 
     handlers = {**server_side.ServingConnection.handlers, RequestReceived: late}
     patch(server_side.ServingConnection, "handlers", handlers)
+    patch(server_side.ServingConnection, "requested", late)
 
 
 def says_nothing_of_what_it_cancels(patch):

@@ -120,7 +120,7 @@ def opened(*, is_client):
 def greeted(*, is_client):
     end = Session(CLIENT if is_client else SERVER, is_client=is_client)
     if not is_client:
-        end.feed(b"TRPC")
+        list(end.feed(b"TRPC"))
     return end
 
 
@@ -134,7 +134,7 @@ def hear(end, frame, counts):
     clean = end.state is ConnectionState.OPEN and not end.mid_frame
     counts["frames"] += 1
     try:
-        events = end.feed(frame)
+        events = list(end.feed(frame))
     except Exception:
         logging.exception("a mutated frame: %r", frame)
         counts["crashes"] += 1
@@ -149,7 +149,7 @@ def hear(end, frame, counts):
         counts["believed"] += end.state is not ConnectionState.CLOSED
     if end.state is ConnectionState.CLOSED:
         counts["closed"] += 1
-        counts["heard after the end"] += bool(end.feed(frame))
+        counts["heard after the end"] += bool(list(end.feed(frame)))
 
 
 def bombard(frames, seed, counts):
@@ -264,7 +264,7 @@ async def shake_hands(reader, writer):
         writer.write(b"".join(session.take()))
         if not (data := await reader.read(65_536)):
             raise ConnectionResetError("closed in the handshake")
-        session.feed(data)
+        list(session.feed(data))
 
 
 class Attack:

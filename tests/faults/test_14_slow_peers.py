@@ -83,7 +83,7 @@ class Peer:
     async def hear(self):
         if not (data := await self.loop.sock_recv(self.sock, 4096)):
             raise ConnectionResetError
-        return self.session.feed(data)
+        return list(self.session.feed(data))
 
     async def connect(self, where):
         """Connect and authenticate; returns the id of the service with the long responses."""

@@ -14,9 +14,19 @@ import types
 from asyncio import _enter_task, _leave_task  # documented for code that runs steps itself
 from collections.abc import Callable, Coroutine, Generator
 from contextvars import Context, copy_context
-from typing import Any
+from typing import Any, Protocol
 
 from taskrpc.core.callinfo import answering
+
+
+class Ended(Protocol):
+    """Called once, at the end of a task."""
+
+    def returned(self, value: Any) -> None:
+        """The coroutine returned this; called in the task's last step."""
+
+    def done(self, task: asyncio.Future[Any]) -> None:
+        """The task is done in another way, or it is an ordinary task."""
 
 
 class EagerStarter:
@@ -30,11 +40,17 @@ class EagerStarter:
         self._held = held
         self._spare: _Spare | None = None
 
-    def start(self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]) -> Any:
+    def start(
+        self,
+        prepare: Callable[[], object],
+        coroutine: Coroutine[Any, Any, Any],
+        ended: Ended | None = None,
+    ) -> Any:
         """Run a coroutine up to its first suspension; return the task that runs the rest.
 
-        `prepare` is called first, in the coroutine's context. Raises StopIteration with the return
-        value if the coroutine returned, or the exception that it raised.
+        `prepare` is called first, in the coroutine's context; `ended` is called after the rest.
+        Raises StopIteration with the return value if the coroutine returned, or the exception that
+        it raised.
         """
         spare = self._spare
         # Is the spare task cancelled: by a program that cancels all tasks, or by an earlier
@@ -49,7 +65,7 @@ class EagerStarter:
         try:
             _enter_task(self._loop, spare.task)
         except RuntimeError:  # called from within a running task
-            return self._in_task(prepare, coroutine)
+            return self._in_task(prepare, coroutine, ended)
         try:
             waits_for = spare.context.run(_first_step, prepare, coroutine)
         except BaseException:
@@ -59,7 +75,7 @@ class EagerStarter:
         finally:
             _leave_task(self._loop, spare.task)
         self._spare = None
-        spare.run_rest(coroutine, waits_for)
+        spare.run_rest(coroutine, waits_for, ended)
         return spare.task
 
     def close(self) -> None:
@@ -69,11 +85,17 @@ class EagerStarter:
             self._spare = None
 
     def _in_task(
-        self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
+        self,
+        prepare: Callable[[], object],
+        coroutine: Coroutine[Any, Any, Any],
+        ended: Ended | None,
     ) -> asyncio.Task[Any]:
         context = copy_context()
         context.run(prepare)
-        return self._loop.create_task(coroutine, context=context)
+        task = self._loop.create_task(coroutine, context=context)
+        if ended is not None:
+            task.add_done_callback(ended.done)
+        return task
 
 
 def _first_step(prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]) -> Any:
@@ -93,9 +115,10 @@ class _Spare:
         self.context: Context = copy_context()
         self._loop = loop
         self._held = held
-        self.given: asyncio.Future[None] = loop.create_future()
+        self.given: asyncio.Future[None] = asyncio.Future(loop=loop)
         """Done when the coroutine is given; cancelled when this task has ended without one."""
         self._rest: _Rest | None = None
+        self._ended: Ended | None = None
         main = self._main()
         main.send(None)
         self.task: asyncio.Task[Any] = loop.create_task(main, context=self.context)
@@ -107,8 +130,11 @@ class _Spare:
         """Whether the coroutine changed a context variable that existed before."""
         return any(self.context[variable] is not value for variable, value in self.inherited)
 
-    def run_rest(self, coroutine: Coroutine[Any, Any, Any], waits_for: Any) -> None:
+    def run_rest(
+        self, coroutine: Coroutine[Any, Any, Any], waits_for: Any, ended: Ended | None
+    ) -> None:
         """Run the coroutine to its end; `waits_for` is the future that its first step yielded."""
+        self._ended = ended
         self._rest = _Rest(coroutine, waits_for, self._loop.time, self._held)
         if not self.given.done():
             self.given.set_result(None)
@@ -125,7 +151,17 @@ class _Spare:
                 raise
             self._rest.cancel()
         assert self._rest is not None
-        return await self._rest
+        ended = self._ended
+        if ended is None:
+            return await self._rest
+        try:
+            value = await self._rest
+        except BaseException:
+            self.task.add_done_callback(ended.done)
+            raise
+        # Not a callback of the task: it would run one turn of the loop later.
+        ended.returned(value)
+        return value
 
 
 class _Rest:
@@ -160,8 +196,10 @@ class _Rest:
         if self._awaits:
             waits_for._asyncio_future_blocking = True
         value = None
+        # A bare yield waits for one turn of the loop, which has passed since the first step.
+        waits = waits_for is not None
         while True:
-            if error is None:
+            if error is None and waits:
                 try:
                     value = yield waits_for
                 except GeneratorExit:
@@ -169,6 +207,7 @@ class _Rest:
                     raise
                 except BaseException as caught:
                     error = caught
+            waits = True
             began = self._now()
             try:
                 if error is None:

@@ -35,6 +35,21 @@ class Mode(IntEnum):
     EXACTLY_ONCE = 2
 
 
+class CallNumbers:
+    """Counts the calls of a server, for log lines."""
+
+    __slots__ = ("last",)
+
+    def __init__(self) -> None:
+        self.last = 0
+        """The number of the latest call. Add 1 for the next one: a method would cost more."""
+
+    def next(self) -> int:
+        """Return the number of the next call."""
+        self.last += 1
+        return self.last
+
+
 class IncomingCall(CallInfo, eq=False, kw_only=True):
     """A call that arrived. End it with exactly one of `reply` and `fail`."""
 
@@ -91,6 +106,37 @@ class IncomingCall(CallInfo, eq=False, kw_only=True):
             self.on_cancel()
 
 
+class Counted(Protocol):
+    """A queue that knows its length."""
+
+    count: int
+
+
+class PlainService(msgspec.Struct, eq=False, kw_only=True):
+    """A service whose calls a connection may run itself; see `connection.plain_serving`.
+
+    A call that the connection cannot end itself is passed to `returned` or `raised`, with the
+    instant at which it began.
+    """
+
+    callback: Callable[[Any, Any], Any]
+    response: type[Any]
+    concurrency: int
+    waiting: Counted
+    """The calls that wait."""
+    returned: Callable[[IncomingCall, Any, float], object]
+    """Takes a call whose callback has returned this."""
+    raised: Callable[[IncomingCall, BaseException, float], object]
+    """Takes a call whose callback has raised this."""
+    finished: Callable[[float], object]
+    """Called after a call if other calls wait, or if the service is withdrawn."""
+    held: Callable[[float], object]
+    """Called with the seconds of a call that held the event loop for `holds_after` seconds."""
+    holds_after: float
+    running: int = 0
+    """Calls that run, or whose effect is not stored yet."""
+
+
 class Offer(msgspec.Struct, frozen=True, eq=False):
     """A service that a node offers."""
 
@@ -111,6 +157,8 @@ class Offer(msgspec.Struct, frozen=True, eq=False):
     """Gets a report of the start and the end of each call."""
     role: Role = Role.SUBMIT
     """The lowest role that may call."""
+    plain: PlainService | None = None
+    """The service, if connections may run its calls themselves."""
 
 
 OnDone: TypeAlias = Callable[[Any, BaseException | None], object]

@@ -134,9 +134,16 @@ class RemoteChannel:
         return self._endpoint.counters.counter(self.store_id)
 
     def send(
-        self, request: Any, deadline: float | None, request_id: RequestId | None = None
+        self,
+        request: Any,
+        deadline: float | None,
+        request_id: RequestId | None = None,
+        left: int = 0,
     ) -> OpenCall | None:
         """Send a request; None if `connect` must be called first.
+
+        `left` is the milliseconds until the deadline, if the caller knows them; see
+        `CallingConnection.begin`.
 
         Without `request_id`, a request to an exactly-once service gets the next one, and the caller
         must settle its sequence number in the end. A request without an id moves to another server
@@ -175,7 +182,7 @@ class RemoteChannel:
             sequence=sequence,
         )
         try:
-            connection.begin(call)
+            connection.begin(call, left)
         except InvalidRequest:
             if counter is not None:
                 counter.settle(sequence)

@@ -43,7 +43,9 @@ def _encode_array(value: Any) -> Any:
         raise InvalidRequest("", f"a {type(value).__name__} cannot be sent") from None
 
 
-_encode = msgspec.msgpack.Encoder(enc_hook=_encode_array).encode
+pack = msgspec.msgpack.Encoder(enc_hook=_encode_array).encode
+"""Encodes a message that was checked."""
+
 _PROBLEM = re.compile(r"^(.*?)(?: - at `\$(.*)`)?$", re.DOTALL)
 
 KEPT_CLASSES = 1024
@@ -78,7 +80,7 @@ class Codec:
                 raise wrong_class(cls, message)
             try:
                 message._check()
-                return _encode(message)
+                return pack(message)
             except ValueError as error:
                 raise invalid_value(error) from None
 

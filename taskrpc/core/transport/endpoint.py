@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 import logging
 import time
 from collections import Counter
@@ -15,7 +14,13 @@ import msgspec
 from taskrpc.core.request_ids.ids import RequestCounters
 from taskrpc.core.security.roles import Role
 from taskrpc.core.system import resources
-from taskrpc.core.transport.base import Offer, ProgramStatistics, TopicPublisher, TopicSubscription
+from taskrpc.core.transport.base import (
+    CallNumbers,
+    Offer,
+    ProgramStatistics,
+    TopicPublisher,
+    TopicSubscription,
+)
 from taskrpc.core.transport.chance import chance_of
 from taskrpc.core.transport.channel import RemoteChannel
 from taskrpc.core.transport.codec import ServiceType
@@ -110,8 +115,7 @@ class Endpoint(ThreadHandoff):
         self._chance = chance_of(self.loop)
         self.id = self._chance.randbytes(16)
         """Identifies this endpoint in handshakes: as client id, and as the server's boot id."""
-        self.call_numbers = itertools.count(1)
-        """The numbers of incoming calls, for log lines."""
+        self.call_numbers = CallNumbers()
         self.counters = RequestCounters(lambda: self._chance.randbytes(16))
         self.backpressure: Backpressure
         """Set when the endpoint begins to listen, as `calls_in_flight` is: many only call."""

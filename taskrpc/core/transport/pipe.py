@@ -62,7 +62,9 @@ class ReadingEnd(asyncio.Transport):
         if not self._lost:
             self._inbox.append(memoryview(data))
             self._inbox_size += len(data)
-            self._plan_delivery()
+            if not self._delivery_planned:
+                self._delivery_planned = True
+                self._loop.call_soon(self._deliver, context=self._context)
 
     def _end(self) -> None:
         """Close this end once it has read all bytes: the other end was closed."""
@@ -82,23 +84,22 @@ class ReadingEnd(asyncio.Transport):
 
     def _deliver(self) -> None:
         self._delivery_planned = False
-        while self._inbox and self._reading and not self._lost and not self._closing:
-            self._read_once()
+        inbox, protocol = self._inbox, self._protocol
+        while inbox and self._reading and not self._lost and not self._closing:
+            room, data = memoryview(protocol.get_buffer(-1)), inbox.popleft()
+            count = len(data)
+            if count > len(room):
+                count = len(room)
+                inbox.appendleft(data[count:])
+                data = data[:count]
+            room[:count] = data
+            self._inbox_size -= count
+            protocol.buffer_updated(count)
         if self._sender_waits and self._inbox_size < LOW_WATER:
             self._wake_sender()
         if self._ended and (not self._inbox or self._closing):
             self._closing = True
             self._lose()
-
-    def _read_once(self) -> None:
-        room = memoryview(self._protocol.get_buffer(-1))
-        data = self._inbox.popleft()
-        count = min(len(room), len(data))
-        room[:count] = data[:count]
-        if count < len(data):
-            self._inbox.appendleft(data[count:])
-        self._inbox_size -= count
-        self._protocol.buffer_updated(count)
 
     def _lose(self) -> None:
         if not self._lost:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 from taskrpc.core.wire.connection_state import ConnectionState, StateEvent, next_state
 from taskrpc.core.wire.events import Closed, Event, Ready
 from taskrpc.core.wire.frames import (
@@ -87,8 +89,8 @@ class BaseSession:
         """Whether a frame from the peer has begun and not ended."""
         return self.splitter.mid_frame
 
-    def handled(self, frames: list[Frame]) -> list[Event]:
-        """Return the events of frames that arrived after the handshake."""
+    def handled(self, frames: Iterable[Frame]) -> Iterator[Event]:
+        """Yield the events of frames that arrived after the handshake."""
         raise NotImplementedError
 
     def take(self) -> list[Body]:
@@ -97,12 +99,10 @@ class BaseSession:
         Small frames are joined. A large body stays a piece of its own: joining would copy it.
         """
         out, self.out = self.out, []
-        if len(out) < 2:  # so it contains no large body, which would follow its header
-            return out
         if self._large_out:
             self._large_out = False
             return _with_small_joined(out)
-        return [b"".join(out)]
+        return [b"".join(out)] if out[1:] else out
 
     def reject(self, error: TaskRpcError) -> None:
         """Send the peer the reason, and end; nothing is read or sent afterwards."""
@@ -135,18 +135,18 @@ class BaseSession:
 
     def feed_handshake(
         self, handshake: ClientHandshake | ServerHandshake, data: bytes
-    ) -> list[Event]:
-        """Process the next bytes during the handshake; return the events."""
+    ) -> Iterator[Event]:
+        """Process the next bytes during the handshake; yield the events."""
         try:
             if not self._magic_seen:
                 data = self._after_magic(data)
-            return self._handshake_events(handshake, data)
+            yield from self._handshake_events(handshake, data)
         except TaskRpcError as error:
-            return [self._closed(error)]
+            yield self._closed(error)
 
     def _handshake_events(
         self, handshake: ClientHandshake | ServerHandshake, data: bytes
-    ) -> list[Event]:
+    ) -> Iterator[Event]:
         frames = self.splitter.feed(data)
         for index, frame in enumerate(frames):
             if frame[0] < FIRST_OPTIONAL_TYPE:
@@ -157,10 +157,11 @@ class BaseSession:
                 ready = self._open(handshake.peer)
                 # Now the splitter can cut the bytes that exceeded the handshake's smaller limit.
                 rest = frames[index + 1 :] + self.splitter.feed(b"")
-                return [ready, *self.handled(rest)]
+                yield ready
+                yield from self.handled(rest)
+                return
         if self.splitter.error is not None:
             raise self.splitter.error
-        return []
 
     def _open(self, peer: Peer) -> Ready:
         self.advance(StateEvent.HANDSHAKE_DONE)

@@ -94,7 +94,7 @@ class Splitter:
     at most `2 * GROWTH` times their size, or `2 * LARGE`.
     """
 
-    __slots__ = ("_tail", "behind", "error", "large", "limit", "most")
+    __slots__ = ("behind", "error", "large", "limit", "most", "tail")
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
@@ -107,13 +107,20 @@ class Splitter:
         """The largest number of frames that one `feed` returns."""
         self.behind = False
         """Whether `feed` stopped at this number; `feed(b"")` continues."""
-        self._tail = b""
-        """The beginning of a frame that has not arrived completely."""
+        self.tail = b""
+        """The beginning of a frame that has not arrived completely, or the frames that `feed` left
+        because of `most`."""
 
     @property
     def mid_frame(self) -> bool:
         """Whether a frame has begun and not ended."""
-        return bool(self._tail) or self.large is not None
+        return bool(self.tail) or self.large is not None
+
+    def take_tail(self) -> bytes:
+        """Take back the bytes that `feed` kept; give them to the next `feed` before new ones."""
+        tail, self.tail = self.tail, b""
+        self.behind = False
+        return tail
 
     def only(self, data: bytes) -> Frame | None:
         """Return the frame if `data` is exactly one frame; else None, and `feed` must be called.
@@ -121,7 +128,7 @@ class Splitter:
         Most reads are exactly one frame; this is faster because it needs no lists.
         """
         size = len(data)
-        if size < _HEADER_SIZE or self._tail or self.large is not None:
+        if size < _HEADER_SIZE or self.tail or self.large is not None:
             return None
         length, type_, flags, method, call_id, arg = _unpack(data)
         if length + _LENGTH_SIZE != size or size > self.limit + _HEADER_SIZE:
@@ -137,21 +144,22 @@ class Splitter:
         self.large = None
         return [(*large.header, large.body)]
 
-    def feed(self, data: bytes) -> list[Frame]:
+    def feed(self, data: bytes, done: int = 0) -> list[Frame]:
         """Process the next bytes of the stream; return the frames that are complete now.
 
-        Check `error` afterwards. Frames before an invalid length are still returned, so that the
-        result does not depend on how the stream is cut.
+        `done` frames of the same read count against `most`. Check `error` afterwards. Frames before
+        an invalid length are still returned, so that the result does not depend on how the stream
+        is cut.
         """
         if self.large is not None:
             return self._feed_large(data)
-        if self._tail:
-            data = self._tail + data
-            self._tail = b""
+        if self.tail:
+            data = self.tail + data
+            self.tail = b""
         self.error = None
         frames: list[Frame] = []
         self.behind = False
-        start, size, longest, left = 0, len(data), self.limit, self.most
+        start, size, longest, left = 0, len(data), self.limit, self.most - done
         while size - start >= _HEADER_SIZE:
             if not left:
                 self.behind = True
@@ -172,7 +180,7 @@ class Splitter:
             frames.append((type_, flags, method, call_id, arg, data[body:end]))
             start = end
         if start != size:
-            self._tail = data[start:]
+            self.tail = data[start:]
         return frames
 
     def _feed_large(self, data: bytes) -> list[Frame]:

@@ -9,7 +9,8 @@ newer calls, and the client knows that they never began.
 from __future__ import annotations
 
 import sys
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, TypeAlias
 
 from taskrpc.core.wire import messages, status, topics
 from taskrpc.core.wire.base_session import BaseSession
@@ -52,7 +53,17 @@ LONGEST_TIME = 0xFFFFFFFF
 _, _OPEN, _DRAINING, _CLOSED = ConnectionState
 _REQUEST, _RESPONSE = int(FrameType.REQUEST), int(FrameType.RESPONSE)
 _SUBSCRIBE, _PUBLISH = int(FrameType.SUBSCRIBE), int(FrameType.PUBLISH)
-_pack = HEADER.pack
+_pack, _unpack = HEADER.pack, HEADER.unpack_from
+_HEADER_SIZE = HEADER.size
+_LENGTH_SIZE = _HEADER_SIZE - SIZE_OF_EMPTY
+
+
+Answer: TypeAlias = "Callable[[int, int, int, bytes, int], tuple[bytes, int, int] | None]"
+"""Takes a call: the call id, the flags, the milliseconds until its deadline, and the body with its
+size.
+
+It returns the response's body, smaller than LARGE and within the peer's limit, its size, and the
+server time in microseconds. Or it returns None: then it has passed the call to `Session.accept`."""
 
 
 class Session(BaseSession):
@@ -90,31 +101,115 @@ class Session(BaseSession):
         """Set whether to answer PING frames; see `answers_pings`."""
         self.answers_pings = wanted
 
-    # Bytes in, events out
+    # Bytes in, events out. A frame takes effect when its event is due, after the earlier events of
+    # the same read have been handled: iterate to the end.
 
-    def filled(self, count: int) -> list[Event]:
+    def filled(self, count: int) -> Iterable[Event]:
         """Count bytes that were written to `splitter.large`; return the events."""
-        return [] if self.state is _CLOSED else self.handled(self.splitter.filled(count))
+        return () if self.state is _CLOSED else self.handled(self.splitter.filled(count))
 
-    def feed(self, data: bytes) -> list[Event]:
+    def feed(self, data: bytes, done: int = 0) -> Iterable[Event]:
         """Process the next bytes from the peer; return the events.
 
-        If the peer breaks the protocol, the last event is `Closed`; nothing is read afterwards.
+        `done` frames of the same read were processed before. If the peer breaks the protocol, the
+        last event is `Closed`; nothing is read afterwards.
         """
-        if self.state is _OPEN:
-            frame = self.splitter.only(data)
-            if frame is None:
-                return self.handled(self.splitter.feed(data))
+        if self.state is _CLOSED:
+            return ()
+        if self.handshake is not None:
+            return self.feed_handshake(self.handshake, data)
+        if self.state is _OPEN and (frame := self.splitter.only(data)) is not None:
             try:
                 event = self._event(frame)
             except TaskRpcError as error:
-                return [self._closed(error)]
-            return [] if event is None else [event]
-        if self.state is _CLOSED:
-            return []
-        if self.handshake is not None:
-            return self.feed_handshake(self.handshake, data)
-        return self.handled(self.splitter.feed(data))
+                return (self._closed(error),)
+            return () if event is None else (event,)
+        return self.handled(self.splitter.feed(data, done))
+
+    # The two frames of a call, without events. Both methods do the same as `feed`, with a third of
+    # its function calls, and leave all other frames to it; a test compares them.
+
+    def responses(self, data: bytes, size: int) -> tuple[list[tuple[Any, Body]], bytes]:
+        """Process the responses with which a client's read of `size` bytes begins.
+
+        Return the tickets of their calls, each with the body, and the bytes that are left for
+        `feed`: from the first frame on that is no whole response to a call that is open.
+        """
+        splitter, open_calls = self.splitter, self.open_calls
+        found: list[tuple[Any, Body]] = []
+        if self.state is not _OPEN or splitter.large is not None:
+            return found, data
+        if splitter.tail:
+            data = splitter.take_tail() + data
+            size = len(data)
+        start = 0
+        while size - start >= _HEADER_SIZE:
+            length, type_, _, _, call_id, _ = _unpack(data, start)
+            body, end = start + _HEADER_SIZE, start + _LENGTH_SIZE + length
+            if type_ != _RESPONSE or not body <= end <= size or end - body > splitter.limit:
+                break
+            if call_id not in open_calls:
+                break
+            ticket, request_size = open_calls[call_id]
+            del open_calls[call_id]
+            self.bytes_in_flight -= request_size
+            if ticket is not None:
+                found.append((ticket, data[body:end]))
+            start = end
+        return found, data[start:]
+
+    def serve(
+        self, data: bytes, size: int, answers: Mapping[int, Answer], most: int
+    ) -> tuple[bytes, int]:
+        """Pass the requests with which a read of `size` bytes begins to `answers`, at most `most`.
+
+        `answers` has a function for each method id. Return the bytes that are left for `feed`, and
+        how many requests were left of `most`. Left are all frames from the first one on that is no
+        whole request with a known method, or exceeds a quota.
+        """
+        splitter, open_calls = self.splitter, self.open_calls
+        if splitter.large is not None or self.state is not _OPEN:
+            return data, most
+        if splitter.tail:
+            data = splitter.take_tail() + data
+            size = len(data)
+        start = 0
+        while size - start >= _HEADER_SIZE and most and self.state is _OPEN:
+            length, type_, flags, method, call_id, time_left = _unpack(data, start)
+            body, end = start + _HEADER_SIZE, start + _LENGTH_SIZE + length
+            if (
+                type_ != _REQUEST
+                or not body <= end <= size
+                or end - body > splitter.limit
+                or call_id <= self.last_call_id
+                or method not in answers
+            ):
+                break
+            if open_calls and (
+                len(open_calls) >= self.free_calls
+                or self.bytes_in_flight + end - body > self.free_bytes
+            ):
+                break
+            self.last_call_id = call_id
+            answered = answers[method](call_id, flags, time_left, data[body:end], end - body)
+            if answered is not None and self.state is not _CLOSED:
+                response, length, server_time = answered
+                if server_time > LONGEST_TIME:  # noqa: PLR1730 (calling min costs more)
+                    server_time = LONGEST_TIME
+                length += SIZE_OF_EMPTY
+                self.out.append(_pack(length, _RESPONSE, 0, 0, call_id, server_time) + response)
+            start = end
+            most -= 1
+        return data[start:], most
+
+    def accept(
+        self, call_id: int, method: int, flags: int, time_left: int, body: Body, size: int
+    ) -> RequestReceived:
+        """Count a call as in flight that an `Answer` does not answer at once."""
+        request = RequestReceived(call_id, method, flags, time_left, body, size)
+        self.bytes_in_flight += size
+        self.open_calls[call_id] = request
+        return request
 
     # The client's side
 
@@ -128,24 +223,37 @@ class Session(BaseSession):
 
         Return 0, and send nothing, if the request does not fit into the peer's limits now.
         """
-        open_calls, size = self.open_calls, len(body)
-        in_flight = self.bytes_in_flight + size
-        if self.state is not _OPEN:
+        size = len(body)
+        if size < LARGE:
+            frame = self.request_frame(ticket, method, body, time_left, flags, size)
+            if not frame:
+                return 0
+            self.out.append(frame)
+        elif self.request_frame(ticket, method, b"", time_left, flags, size):
+            self.send(_REQUEST, flags, method, self.last_call_id, time_left, body)
+        else:
             return 0
+        return self.last_call_id
+
+    def request_frame(
+        self, ticket: Any, method: int, body: Body, time_left: int, flags: int, size: int
+    ) -> bytes:
+        """Begin a call, and return its frame, which the caller writes or adds to `out`.
+
+        Its call id is `last_call_id`. Return b"" if the request does not fit into the peer's limits
+        now. The body has `size` bytes.
+        """
+        open_calls = self.open_calls
+        if self.state is not _OPEN:
+            return b""
         if open_calls:  # a single request may exceed the limit for all requests together
             limits = self.their_limits
-            if len(open_calls) >= limits.calls or in_flight > limits.bytes:
-                return 0
+            if len(open_calls) >= limits.calls or self.bytes_in_flight + size > limits.bytes:
+                return b""
         self.last_call_id = call_id = self.last_call_id + 1
         open_calls[call_id] = (ticket, size)
-        self.bytes_in_flight = in_flight
-        # Packed here, and in `respond`: two calls of `send` would cost 2 % of a call.
-        if size < LARGE:
-            header = _pack(SIZE_OF_EMPTY + size, _REQUEST, flags, method, call_id, time_left)
-            self.out.append(header + body)
-        else:
-            self.send(_REQUEST, flags, method, call_id, time_left, body)
-        return call_id
+        self.bytes_in_flight += size
+        return _pack(SIZE_OF_EMPTY + size, _REQUEST, flags, method, call_id, time_left) + body
 
     def resolve(self, ticket: Any, question: messages.Resolve, *, definition: bool = False) -> int:
         """Ask for a service, or for a listing; `ticket` is returned with the response."""
@@ -263,25 +371,25 @@ class Session(BaseSession):
 
     # Frames to events
 
-    def handled(self, frames: list[Frame]) -> list[Event]:
-        """Return the events of frames that arrived after the handshake."""
-        events: list[Event] = []
+    def handled(self, frames: Iterable[Frame]) -> Iterator[Event]:
+        """Yield the events of frames that arrived after the handshake."""
         try:
             for frame in frames:
+                if self.state is _CLOSED:  # an earlier event has closed the connection
+                    return
                 event = self._event(frame)
                 if event is not None:
-                    events.append(event)
+                    yield event
         except TaskRpcError as error:
-            events.append(self._closed(error))
-        else:
-            large = self.splitter.large
-            if self.splitter.error is not None:
-                events.append(self._closed(self.splitter.error))
-            elif large is not None and not large.is_announced:
-                large.is_announced = True
-                if self.bytes_coming > self.free_bytes and self._is_next(large):
-                    events.append(LargeRequestBegan(large.header[2], large.size))
-        return events
+            yield self._closed(error)
+            return
+        large = self.splitter.large
+        if self.splitter.error is not None:
+            yield self._closed(self.splitter.error)
+        elif large is not None and not large.is_announced:
+            large.is_announced = True
+            if self.bytes_coming > self.free_bytes and self._is_next(large):
+                yield LargeRequestBegan(large.header[2], large.size)
 
     def _is_next(self, large: LargeBody) -> bool:
         """Whether the large body that is arriving is a request that may begin."""

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import hmac
+import inspect
+import textwrap
 from collections.abc import Iterator
 from typing import Any
+from unittest import mock
 
 from msgspec.structs import replace
 
@@ -163,3 +166,15 @@ class Watched(bytes):
     def startswith(self, *given: Any) -> bool:
         self._looked_into()
         return super().startswith(*given)
+
+
+class Replaced:
+    """A function of the product with another text."""
+
+    def __init__(self, owner: Any, name: str, text: str, by: str) -> None:
+        source = textwrap.dedent(inspect.getsource(getattr(owner, name)))
+        assert text in source, "the planted difference does not fit the product"
+        made: dict[str, Any] = {}
+        module = inspect.getmodule(owner)
+        exec(source.replace(text, by), vars(module), made)
+        self.patch = mock.patch.object(owner, name, made[name])

@@ -65,7 +65,7 @@ def test_ended_session_ignores_input_and_sends_nothing():
     pair.server.respond(call_id, b"")
     late = b"".join(pair.server.take())
     pair.client.lost()
-    assert pair.client.feed(late) == []
+    assert not list(pair.client.feed(late))
     pair.server.lost()
     pair.server.respond(call_id, b"")
     pair.server.fail(call_id, TaskRpcError("late"))
@@ -78,7 +78,7 @@ def test_closed_session_ignores_a_large_body():
     receive(pair.client, pack_header(FrameType.RESPONSE, 0, 0, 1, 0, 2 * LARGE))
     assert pair.client.splitter.large is not None
     pair.client.lost()
-    assert pair.client.filled(10) == []
+    assert not list(pair.client.filled(10))
 
 
 @pytest.mark.parametrize(
@@ -219,8 +219,8 @@ def test_announced_large_bodies_allocate_no_memory():
 def test_pings_of_a_peer_that_does_not_read_are_not_answered():
     pair = open_pair()
     pair.client.answers_pings = False
-    assert pair.client.feed(frame(FrameType.PING, arg=7) * 1000) == []
+    assert not list(pair.client.feed(frame(FrameType.PING, arg=7) * 1000))
     assert pair.client.take() == []
     pair.client.answers_pings = True
-    pair.client.feed(frame(FrameType.PING, arg=8))
+    list(pair.client.feed(frame(FrameType.PING, arg=8)))
     assert b"".join(pair.client.take()) == frame(FrameType.PONG, arg=8)

@@ -42,8 +42,8 @@ ACTIONS = {
     "advertise": lambda pair, end: end.advertise(),
     "request": lambda pair, end: end.is_client and end.request("ticket", 1, b"", 1000),
     "resolve": lambda pair, end: end.is_client and end.resolve("ticket", Resolve("/add")),
-    "goaway": lambda pair, end: end.feed(pack_frame(FrameType.GOAWAY, 0, 0, 0, 0)),
-    "garbage": lambda pair, end: end.feed(b"\xff" * 20),
+    "goaway": lambda pair, end: list(end.feed(pack_frame(FrameType.GOAWAY, 0, 0, 0, 0))),
+    "garbage": lambda pair, end: list(end.feed(b"\xff" * 20)),
 }
 
 

@@ -1,11 +1,15 @@
 """A session packs and splits the frames of small calls by shorter ways, with the same effects."""
 
-from hypothesis import given, settings
+import struct
+
+import pytest
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from taskrpc.core.wire.events import ResponseReceived
 from taskrpc.core.wire.frames import HEADER, LARGE, NO_DEADLINE, FrameType, pack_frame
-from taskrpc.core.wire.session import LONGEST_TIME
-from tests.core.wire.helpers import open_pair, receive
+from taskrpc.core.wire.session import LONGEST_TIME, Session
+from tests.core.wire.helpers import Replaced, open_pair, receive
 from tests.properties import examples
 
 SIZE_OF_HEADER = HEADER.size
@@ -91,6 +95,83 @@ def test_frame_in_one_read_has_the_same_effects_as_in_two_pieces(stream, data, i
     for each in stream:
         behind_header = min(SIZE_OF_HEADER, len(each) - 1)
         middle = data.draw(st.one_of(st.just(behind_header), st.integers(1, len(each) - 1)))
-        events = whole.feed(each)
-        assert repr(events) == repr(cut.feed(each[:middle]) + cut.feed(each[middle:]))
+        events = list(whole.feed(each))
+        assert repr(events) == repr([*cut.feed(each[:middle]), *cut.feed(each[middle:])])
         assert state_of(whole) == state_of(cut)
+
+
+response = st.builds(
+    frame,
+    st.just(FrameType.RESPONSE),
+    st.integers(1, 5),
+    st.integers(0, 9),
+    st.one_of(st.binary(max_size=9), long_body),
+)
+reads = st.lists(st.lists(st.one_of(response, response, some_frame), max_size=5), max_size=4)
+
+
+cuts = st.lists(st.integers(1, 40), max_size=6)
+
+
+@given(reads, cuts, st.booleans())
+@settings(max_examples=examples(200))
+def test_responses_of_a_read_have_the_same_effects_as_their_events(reads, cuts, drains):
+    compare_responses(reads, list(cuts), drains)
+
+
+@pytest.mark.parametrize(
+    ("text", "by"),
+    [
+        ("self.state is not _OPEN or ", ""),
+        ("end - body > splitter.limit", "False"),
+        ("type_ != _RESPONSE", "False"),
+        ("call_id not in open_calls", "False"),
+        ("del open_calls[call_id]", "pass"),
+        ("self.bytes_in_flight -= request_size", "pass"),
+        ("if ticket is not None:", "if True:"),
+        ("data = splitter.take_tail() + data", "splitter.take_tail()"),
+        ("data[start:]", "b''"),
+    ],
+)
+def test_a_difference_between_responses_and_events_is_found(text, by):
+    @given(reads, cuts, st.booleans())
+    @settings(max_examples=500, database=None, derandomize=True, phases=[Phase.generate])
+    def compare(reads, cuts, drains):
+        try:
+            compare_responses(reads, list(cuts), drains)
+        except (KeyError, struct.error) as error:  # the difference itself fails
+            raise AssertionError from error
+
+    with Replaced(Session, "responses", text, by).patch, pytest.raises(AssertionError):
+        compare()
+
+
+def compare_responses(reads, cuts, drains):
+    ends = []
+    for pair in (open_pair(), open_pair()):
+        for number in range(4):
+            pair.client.request(f"ticket {number}", 1, bytes(number), 100)
+        pair.client.cancel(2)
+        if drains:
+            pair.server.drain()
+            pair.deliver(pair.client)
+        pair.client.splitter.limit = LIMIT
+        ends.append(pair.client)
+    plain, general = ends
+    stream = b"".join(each for read in reads for each in read)
+    while stream:
+        count = cuts.pop() if cuts else len(stream)
+        data, stream = stream[:count], stream[count:]
+        found, rest = plain.responses(data, len(data))
+        events = [(ticket, bytes(body)) for ticket, body in found]
+        events += [noted(event) for event in (plain.feed(rest) if rest else ())]
+        assert events == [noted(event) for event in general.feed(data)]
+        assert state_of(plain) == state_of(general)
+        assert plain.splitter.tail == general.splitter.tail
+
+
+def noted(event):
+    """What a client does with an event, for comparison."""
+    if isinstance(event, ResponseReceived):
+        return event.ticket, bytes(event.body)
+    return repr(event)

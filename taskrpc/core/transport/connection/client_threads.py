@@ -136,6 +136,8 @@ class ThreadedConnection(CallingConnection):
 
     __slots__ = ("_lock", "_thread_socket")
 
+    writes_at_once = False
+
     def __init__(self, owner: Owner, me: Identity, on_advertised: Callable[[], object]) -> None:
         self._thread_socket = ThreadSocket()
         self._lock = self._thread_socket.lock
@@ -178,10 +180,10 @@ class ThreadedConnection(CallingConnection):
         with self._lock:
             super().buffer_updated(nbytes)
 
-    def begin(self, call: OpenCall) -> None:
+    def begin(self, call: OpenCall, left: int = 0) -> None:
         """Send a call, or queue it."""
         with self._lock:
-            super().begin(call)
+            super().begin(call, left)
 
     def resolve(
         self, question: Resolve, deadline: float | None, *, definition: bool = False

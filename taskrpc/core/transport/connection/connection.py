@@ -142,25 +142,7 @@ class Connection(asyncio.BufferedProtocol):
 
     def buffer_updated(self, nbytes: int) -> None:
         """Handle bytes that asyncio has read into the buffer."""
-        self._watch.received += nbytes
-        if nbytes and self.serves:
-            self.read_at = self.owner.now()
-        if self._splitter.large is None:
-            events = self.session.feed(self._read_buffer[:nbytes].tobytes())
-        else:
-            events = self.session.filled(nbytes)
-        self.in_turn = True
-        handlers = self.handlers
-        try:
-            for number, event in enumerate(events, 1):
-                handlers[event.__class__](self, event)
-                if not number % BATCH:
-                    self.flush()
-        finally:  # responses are sent even if a callback ends the program
-            self.in_turn = False
-            self.handled()
-            if self._splitter.behind:
-                self.read_on()
+        raise NotImplementedError
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End: the transport is closed."""
@@ -175,6 +157,14 @@ class Connection(asyncio.BufferedProtocol):
             self._gone.set_result(None)
 
     # For subclasses
+
+    def handle(self, events: Iterable[Event]) -> None:
+        """Handle events, and write the output from time to time."""
+        handlers = self.handlers
+        for number, event in enumerate(events, 1):
+            handlers[event.__class__](self, event)
+            if not number % BATCH:
+                self.flush()
 
     def expiring(self) -> Iterable[Expiring]:
         """The open calls, of which some may have a deadline."""
@@ -262,9 +252,6 @@ class Connection(asyncio.BufferedProtocol):
                     transport.write(piece)
         if self._draining:
             self.drained()
-
-    # Called after all events of a read; subclasses may do more than write.
-    handled = flush
 
     def count_written(self, count: int) -> None:
         """Count bytes that were written to the peer."""

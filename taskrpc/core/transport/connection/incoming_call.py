@@ -13,7 +13,7 @@ from srvgen import excepthook
 from taskrpc.core.callinfo import CallInfo, log_fields
 from taskrpc.core.request_ids.ids import ReceivedId, id_splitter
 from taskrpc.core.security.roles import Role
-from taskrpc.core.transport.base import IncomingCall, Mode, Offer
+from taskrpc.core.transport.base import CallNumbers, IncomingCall, Mode, Offer
 from taskrpc.core.transport.codec import codec_of
 from taskrpc.core.transport.connection.connection import Owner
 from taskrpc.core.transport.limits.quotas import QuotaKey
@@ -34,8 +34,6 @@ from taskrpc.errors import (
 )
 
 if TYPE_CHECKING:
-    from itertools import count
-
     from taskrpc.core.observer import Observer
     from taskrpc.core.wire.session import Session
 
@@ -45,7 +43,7 @@ log = logging.getLogger("taskrpc.server")
 class CallNumbering(Protocol):
     """The part of a server that all its calls share."""
 
-    call_numbers: count[int]
+    call_numbers: CallNumbers
     now: Callable[[], float]
     """The event loop's clock."""
 
@@ -168,7 +166,10 @@ class RemoteCall(IncomingCall, eq=False, kw_only=True):
 class Route(msgspec.Struct, frozen=True, eq=False):
     """The meaning of a method id of a connection: a service, called by one node of the peer."""
 
+    handle: int
+    """The method id of the connection."""
     method: int
+    """The server's number of the service."""
     offer: Offer
     caller: str
     decode: Callable[[Body], Any]
@@ -186,14 +187,17 @@ class RouteFaults(Protocol):
         """Return a route of a connection whose calls get the faults."""
 
 
-def route_to(offer: Offer, method: int, caller: str, account: str, role: Role) -> Route:
+def route_to(
+    offer: Offer, handle: int, method: int, caller: str, account: str, role: Role
+) -> Route:
     """The route of a peer's node to a service, by the account and role of the peer."""
     request, response = codec_of(offer.srv_type.Request), codec_of(offer.srv_type.Response)
     # Checked here once for all calls of the route: an allowed call pays nothing.
     decode = request.decode if role >= offer.role else denied(offer, account, role)
     has_ids = offer.mode is Mode.EXACTLY_ONCE
     split_id = id_splitter(offer.name) if has_ids else no_request_id(offer)
-    return Route(method, offer, caller, decode, response.encode, call_class(offer), split_id)
+    call = call_class(offer)
+    return Route(handle, method, offer, caller, decode, response.encode, call, split_id)
 
 
 def rerouted(route: Route, offer: Offer) -> Route:
@@ -319,7 +323,7 @@ def refused(connection: CallConnection, route: Route, error: TaskRpcError) -> No
     """Report a request to the observer that was refused before it became a call."""
     server, offer = connection.server, route.offer
     caller = route.caller, connection.principal, connection.role
-    call = CallInfo(offer.name, *caller, next(server.call_numbers), None, server.now)
+    call = CallInfo(offer.name, *caller, server.call_numbers.next(), None, server.now)
     _report_end(call, offer.observer, code_of(error), 0.0)
 
 

@@ -76,7 +76,9 @@ class Routes(dict[int, Route]):
             self._ids = {}
         known = self._ids.setdefault((method, caller), len(self._ids) + 1)
         if known not in self:
-            self[known] = _with_faults(route_to(offer, method, caller, account, role), faults)
+            self[known] = _with_faults(
+                route_to(offer, known, method, caller, account, role), faults
+            )
         return known
 
     def reroute(

@@ -5,17 +5,20 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Hashable, Iterable
-from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias, cast
 
+from taskrpc.core.request_ids.ids import ReceivedId
 from taskrpc.core.security.roles import Account, Accounts, Role
-from taskrpc.core.transport.base import Offer
-from taskrpc.core.transport.connection.connection import UNREAD_LIMIT, Connection, Owner
+from taskrpc.core.transport.base import CallNumbers, Offer
+from taskrpc.core.transport.connection.connection import BATCH, UNREAD_LIMIT, Connection, Owner
 from taskrpc.core.transport.connection.incoming_call import (
     RemoteCall,
+    Route,
     RouteFaults,
     refused,
     resolved,
 )
+from taskrpc.core.transport.connection.plain_serving import answer_of
 from taskrpc.core.transport.connection.routes import Refusal, Routes
 from taskrpc.core.transport.limits.backpressure import Backpressure
 from taskrpc.core.transport.limits.calls_in_flight import FREE, CallsInFlight
@@ -37,6 +40,7 @@ from taskrpc.core.wire.events import (
 from taskrpc.core.wire.frames import NO_DEADLINE, Flag
 from taskrpc.core.wire.handshake import Identity
 from taskrpc.core.wire.messages import STATISTICS, Listing, cut_span
+from taskrpc.core.wire.session import Answer
 from taskrpc.errors import (
     AuthenticationFailed,
     InvalidRequest,
@@ -47,8 +51,6 @@ from taskrpc.errors import (
 )
 
 if TYPE_CHECKING:
-    from itertools import count
-
     from taskrpc.core.transport.connection.call_meter import CallMeter
     from taskrpc.core.wire.statistics import Statistics
 
@@ -67,6 +69,8 @@ _GRACE = 2 * LINGER
 """Seconds after which a connection without a valid account is aborted, even if the caller has not
 read the reason."""
 
+
+_NO_ANSWERS: dict[int, Answer] = {}  # one for all idle connections; nothing changes it
 
 _Held: TypeAlias = "RemoteCall | ResolveReceived"
 
@@ -100,7 +104,7 @@ class PublishedTopics(Protocol):
 class ServerContext(Owner, Protocol):
     """What a process offers, as far as its connections need it."""
 
-    call_numbers: count[int]
+    call_numbers: CallNumbers
     """Counts calls, for logs."""
     offers: dict[int, Offer]
     """The services by their method ids."""
@@ -139,15 +143,17 @@ class ServingConnection(Connection):
     __slots__ = (
         "_held",
         "_linger",
-        "_routes",
         "account",
+        "answers",
         "backpressure",
         "caller",
+        "clock_at",
         "flow",
         "host_name",
         "principal",
         "quota_key",
         "role",
+        "routes",
         "server",
         "subscriber",
         "writing_paused",
@@ -179,7 +185,50 @@ class ServingConnection(Connection):
         # Created when first needed: of thousands of idle connections, most need no list.
         self._held: list[_Held] | None = None
         """Requests that may not begin yet; see `hold`."""
-        self._routes = Routes()
+        self.routes = Routes()
+        self.answers: dict[int, Answer] = _NO_ANSWERS
+        """The functions that take the calls, by the method id of the connection."""
+        self.clock_at = 0.0
+        """The latest reading of the clock since the last read."""
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Handle bytes that asyncio has read: run callbacks, and write their responses."""
+        self._watch.received += nbytes
+        self.clock_at = self.owner.now()
+        if nbytes:
+            self.read_at = self.clock_at
+        session, self.in_turn = self.session, True
+        try:
+            if self._splitter.large is None:
+                data = self._read_buffer[:nbytes].tobytes()
+                rest, left = session.serve(data, nbytes, self.answers, BATCH)
+                if rest or self._splitter.behind:
+                    self._serve_rest(rest, left)
+            else:
+                self.handle(session.filled(nbytes))
+        finally:  # responses are sent even if a callback ends the program
+            self.in_turn = False
+            if session.out or self._draining:
+                self.flush()
+            if self._splitter.behind:
+                self.read_on()
+
+    def _serve_rest(self, rest: bytes, left: int) -> None:
+        """Handle the rest of a read; `left` is how many requests more the batch may have."""
+        done = BATCH - left
+        while rest and not left and done < FRAMES_A_TURN:
+            self.flush()
+            rest, left = self.session.serve(rest, len(rest), self.answers, BATCH)
+            done += BATCH - left
+        if rest or self._splitter.behind:
+            self.handle(self.session.feed(rest, done))
+
+    def flush_soon(self) -> None:
+        """Write at the end of this turn of the event loop, or at once if no call is in flight."""
+        if not self.session.open_calls and not self.in_turn and not self._flush_planned:
+            self.flush()
+        else:
+            super().flush_soon()
 
     def pause_writing(self) -> None:
         """Begin no more calls: the caller reads more slowly than we answer."""
@@ -324,9 +373,10 @@ class ServingConnection(Connection):
     def _close_after(self, seconds: float) -> None:
         self._linger = self.owner.loop.call_later(seconds, self.close)
 
-    def _requested(self, event: RequestReceived) -> None:
+    def requested(self, event: RequestReceived) -> None:
+        """Begin a call that is not plain; see `plain_serving`."""
         host, session = self.server, self.session
-        route = self._routes.get(event.method)
+        route = self.routes.get(event.method)
         if route is None or route.method not in host.offers:
             gone = ServiceUnavailable("the service is no longer offered here")
             session.fail(event.call_id, gone)
@@ -344,33 +394,55 @@ class ServingConnection(Connection):
             self._report_refusal(event.method, error)
             return
         event.body = b""  # frees the bytes: the call has the decoded message
-        # Not the current time: earlier calls of the same read may have taken long.
-        now = self.read_at
-        deadline = None
-        if event.time_left != NO_DEADLINE:
-            deadline = now + event.time_left / 1000
-            if deadline < self.check_before:
-                self.watch(deadline)
-        # CPython passes more than 15 keyword arguments in a dict, which costs 0.5 µs.
-        call = event.ticket = route.call(
-            service=route.offer.name,
-            caller=route.caller,
-            principal=self.principal,
-            role=self.role,
-            number=next(host.call_numbers),
-            deadline=deadline,
-            clock=host.now,
-            request=request,
-            received_id=received_id,
-            arrived=now,
-            connection=self,
-            route=route,
-            call_id=event.call_id,
+        call = event.ticket = self.made_call(
+            route,
+            event.call_id,
+            event.time_left,
+            request,
+            host.call_numbers.next(),
+            self.read_at,
+            received_id,
         )
         if self.writing_paused or self.backpressure.is_active:
             self._serve(call)
         else:
             route.offer.serve(call)
+
+    def made_call(
+        self,
+        route: Route,
+        call_id: int,
+        time_left: int,
+        request: Any,
+        number: int,
+        arrived: float,
+        received_id: ReceivedId | None = None,
+    ) -> RemoteCall:
+        """Return the record of a call, and watch its deadline.
+
+        `arrived` is when it was read: earlier calls of the same read may have taken long since.
+        """
+        deadline = None
+        if time_left != NO_DEADLINE:
+            deadline = arrived + time_left / 1000
+            if deadline < self.check_before:
+                self.watch(deadline)
+        # CPython passes more than 15 keyword arguments in a dict, which costs 0.5 µs.
+        return route.call(
+            service=route.offer.name,
+            caller=route.caller,
+            principal=self.principal,
+            role=self.role,
+            number=number,
+            deadline=deadline,
+            clock=self.server.now,
+            request=request,
+            received_id=received_id,
+            arrived=arrived,
+            connection=self,
+            route=route,
+            call_id=call_id,
+        )
 
     def _large_request_began(self, event: LargeRequestBegan) -> None:
         if (refusal := self.server.calls_in_flight.refusal(self)) is not None:
@@ -380,7 +452,7 @@ class ServingConnection(Connection):
     def _quota_exceeded(self, event: QuotaExceeded) -> None:
         request, refusal = event.request, self.server.calls_in_flight.refusal(self)
         if refusal is None:
-            self._requested(request)
+            self.requested(request)
         else:
             self.session.fail(request.call_id, refusal)
             self._report_refusal(request.method, refusal)
@@ -432,13 +504,15 @@ class ServingConnection(Connection):
         store_id = offer.store_id() if offer is not None and offer.store_id is not None else None
         if store_id is not None and not store_id.done():
             store_id.add_done_callback(lambda known: self._resolve_late(event, method, known))
-        elif (refusal := self._routes.refusal(question, offer)) is not None:
+        elif (refusal := self.routes.refusal(question, offer)) is not None:
             self._lookup_failed(event, refusal)
         elif offer is not None:
             caller = question.caller or self.caller
             faults, account = self.server.faults, self.principal
             offer = self._measured(offer)
-            handle = self._routes.add(offer, method, caller, account, self.role, faults)
+            handle = self.routes.add(offer, method, caller, account, self.role, faults)
+            self.answers = self.answers or {}
+            self.answers[handle] = answer_of(self, self.routes[handle])
             try:
                 body = resolved(handle, offer, store_id, with_definition=event.with_definition)
             except TaskRpcError as error:
@@ -478,7 +552,8 @@ class ServingConnection(Connection):
 
     def measure(self) -> None:
         """Begin or end the measuring of later calls, as the server's meter says."""
-        self._routes.reroute(self.server.offers, self._measured, self.server.faults)
+        self.routes.reroute(self.server.offers, self._measured, self.server.faults)
+        self.answers = {handle: answer_of(self, route) for handle, route in self.routes.items()}
 
     def _measured(self, offer: Offer) -> Offer:
         """The offer as this connection's routes need it: with the meter while it measures."""
@@ -487,14 +562,14 @@ class ServingConnection(Connection):
 
     def _report_refusal(self, method: int, error: TaskRpcError) -> None:
         """Report a request to observers that was refused before it became a call."""
-        route = self._routes.get(method)
+        route = self.routes.get(method)
         if route is None or route.call is RemoteCall:
             return
         refused(self, route, error)
 
     serves = True
     handlers: ClassVar = {
-        RequestReceived: _requested,
+        RequestReceived: requested,
         LargeRequestBegan: _large_request_began,
         QuotaExceeded: _quota_exceeded,
         ResolveReceived: _resolved,

@@ -70,10 +70,6 @@ class ThreadedServing(ServingConnection):
         self._settle()
         super().buffer_updated(nbytes)
 
-    def handled(self) -> None:
-        """Write the output, after all events of a read."""
-        self.flush()
-
     def tick(self, now: float) -> None:
         """Check for silent and stalled peers."""
         self._settle()

@@ -91,7 +91,7 @@ class End:
             pass
         self.stream += heard
         if heard:
-            self.server.feed(heard)
+            list(self.server.feed(heard))
         return heard
 
     def answer(self):

@@ -46,7 +46,7 @@ async def test_calls_without_an_observer_are_plain_calls(pair):
 
     def kinds(node):
         served = node._transport._served
-        return {route.call for each in served for route in each._routes.values()}
+        return {route.call for each in served for route in each.routes.values()}
 
     assert kinds(pair.server) == {ObservedCall}
     async with taskrpc.Node("unwatched", transport="memory", token="unwatched") as node:

@@ -1,0 +1,183 @@
+"""The plain path of a server: from the bytes of a read to the callback, and back to the output.
+
+`answer_of` makes one function for each route; `Session.serve` calls it with each request. For a
+plain request, it runs the callback and returns the encoded response, without a call record, an
+event or a timer. It passes any other request to `ServingConnection.requested`.
+
+A request is plain if all of this holds:
+
+1. The route has no observer and no faults, DEBUG logging is off, and the service is neither
+   threaded nor exactly-once. This is decided once for each route.
+2. The request has no trace span and no request id.
+3. The service is still offered, may run one more call, and no call waits for it.
+4. The caller reads its responses, and backpressure is not active.
+5. The body is valid, and the caller's role is sufficient. The deadline has not passed.
+
+After the callback, the call gets its record and goes on as any other call if the callback read
+`current_call()`, raised, returned an awaitable or something else than a response, or if the
+response is invalid or large. The path makes no error itself, so each error has one origin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import msgspec
+
+from taskrpc.core.callinfo import answering
+from taskrpc.core.transport.base import CallNumbers, Offer, PlainService
+from taskrpc.core.transport.codec import pack
+from taskrpc.core.transport.connection.incoming_call import RemoteCall, Route
+from taskrpc.core.transport.limits.backpressure import Backpressure
+from taskrpc.core.wire.events import RequestReceived
+from taskrpc.core.wire.frames import LARGE, NO_DEADLINE
+from taskrpc.core.wire.session import Answer, Session
+from taskrpc.errors import InvalidRequest, PermissionDenied, ProtocolError
+
+
+class PlainServer(Protocol):
+    """What the path needs from the process."""
+
+    offers: dict[int, Offer]
+    call_numbers: CallNumbers
+    now: Callable[[], float]
+
+
+class PlainConnection(Protocol):
+    """What the path needs from the connection."""
+
+    session: Session
+    backpressure: Backpressure
+    writing_paused: bool
+    read_at: float
+    clock_at: float
+    """The latest reading of the clock in the present read."""
+
+    @property
+    def server(self) -> PlainServer:
+        """The process that takes the calls."""
+
+    def requested(self, request: RequestReceived) -> None:
+        """Handle a request in the general way."""
+
+    def made_call(
+        self, route: Route, call_id: int, time_left: int, request: Any, number: int, arrived: float
+    ) -> RemoteCall:
+        """Return the record of a call, and watch its deadline."""
+
+
+class PlainCall(msgspec.Struct, eq=False):
+    """A call that has no record yet; `made` makes it."""
+
+    connection: PlainConnection
+    route: Route
+    call_id: int
+    time_left: int
+    request: Any
+    number: int
+    arrived: float
+    size: int
+    """Bytes of the request."""
+    call: RemoteCall | None = None
+    """The record, once the callback or the service has asked for it."""
+    ended: bool = False
+    """Whether the call was answered; a task that its callback began may still ask for it."""
+
+    def made(self) -> RemoteCall:
+        """Return the record; the call is in flight from now on."""
+        call = self.call
+        if call is None:
+            connection, call_id, left = self.connection, self.call_id, self.time_left
+            call = self.call = connection.made_call(
+                self.route, call_id, left, self.request, self.number, self.arrived
+            )
+            call.started = True
+            if not self.ended:
+                session, handle = connection.session, self.route.handle
+                session.accept(call_id, handle, 0, left, b"", self.size).ticket = call
+        return call
+
+
+def answer_of(connection: PlainConnection, route: Route) -> Answer:
+    """Return the function that takes the calls of a route."""
+    service = route.offer.plain
+    if service is None or route.call is not RemoteCall:
+        return _general(connection, route)
+    return _plain(connection, route, service)
+
+
+def _general(connection: PlainConnection, route: Route) -> Answer:
+    session, handle = connection.session, route.handle
+
+    def answer(call_id: int, flags: int, time_left: int, body: bytes, size: int) -> None:
+        connection.requested(session.accept(call_id, handle, flags, time_left, body, size))
+
+    return answer
+
+
+def _plain(connection: PlainConnection, route: Route, service: PlainService) -> Answer:
+    session, server, backpressure = connection.session, connection.server, connection.backpressure
+    offers, numbers, now = server.offers, server.call_numbers, server.now
+    handle, method, waiting = route.handle, route.method, service.waiting
+    decode = route.decode
+    callback, response_class = service.callback, service.response
+    set_answering, reset_answering = answering.set, answering.reset
+    limit = min(session.body_limit, LARGE - 1)
+
+    def answer(
+        call_id: int, flags: int, time_left: int, body: bytes, size: int
+    ) -> tuple[bytes, int, int] | None:
+        arrived, began = connection.read_at, connection.clock_at
+        request = None
+        if (
+            not flags
+            and service.running < service.concurrency
+            and not waiting.count
+            and method in offers
+            and not connection.writing_paused
+            and not backpressure.is_active
+            and (time_left == NO_DEADLINE or arrived + time_left / 1000 > began)
+        ):
+            try:
+                request = decode(body)
+            except (InvalidRequest, PermissionDenied, ProtocolError):
+                request = None  # decoded again, to report the error
+        if request is None:
+            connection.requested(session.accept(call_id, handle, flags, time_left, body, size))
+            connection.clock_at = now()
+            return None
+        service.running += 1
+        numbers.last = number = numbers.last + 1
+        call = PlainCall(connection, route, call_id, time_left, request, number, arrived, size)
+        encoded = None
+        token = set_answering(call)
+        try:
+            try:
+                response = callback(request, response_class())
+            except BaseException as error:
+                service.raised(call.made(), error, began)
+                connection.clock_at = now()
+                return None
+            if response.__class__ is response_class and call.call is None:
+                try:
+                    response._check()
+                    encoded = pack(response)
+                except Exception:
+                    encoded = None  # encoded again, to report the error
+            if encoded is None or (length := len(encoded)) > limit:
+                service.returned(call.made(), response, began)
+                connection.clock_at = now()
+                return None
+            call.ended = True
+            connection.clock_at = ended = now()
+            if ended - began > service.holds_after:
+                service.held(ended - began)
+        finally:
+            reset_answering(token)
+        service.running -= 1
+        if waiting.count or method not in offers:
+            service.finished(began)
+        return encoded, length, int((ended - arrived) * 1e6 + 0.5)
+
+    return answer

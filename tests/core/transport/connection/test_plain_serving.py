@@ -1,0 +1,458 @@
+"""The plain path of a server does the same as its general path, for every sequence of frames."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from unittest import mock
+
+import pytest
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+
+import srvgen
+import taskrpc
+from taskrpc.core.transport.codec import codec_of
+from taskrpc.core.transport.connection import plain_serving
+from taskrpc.core.transport.memory import hub_of
+from taskrpc.core.wire import messages
+from taskrpc.core.wire.events import ResponseReceived
+from taskrpc.core.wire.frames import LARGE, NO_DEADLINE, Flag, FrameType, pack_frame
+from taskrpc.core.wire.handshake import Identity
+from taskrpc.core.wire.messages import Limits, Resolve
+from taskrpc.core.wire.session import Session
+from taskrpc.errors import Code, HandlerError
+from taskrpc.testing import VirtualTimeLoop
+from tests.core.wire.helpers import Replaced
+from tests.properties import examples
+
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+Types = srvgen.load("rcl_interfaces/srv/GetParameterTypes")
+LIMITS = Limits(body=200, calls=6, bytes=500)
+NAMES = [codec_of(Types.Request).encode(Types.Request(names=["x"] * count)) for count in range(3)]
+LONG = codec_of(Types.Request).encode(Types.Request(names=["x" * 180]))
+REQUEST = codec_of(Add.Request).encode(Add.Request(a=20, b=22))
+
+
+def facts():
+    call = taskrpc.current_call()
+    left = call.time_left()
+    return call.number, call.service, call.caller, left and round(left, 6), call.cancelled
+
+
+class Server:
+    """A node with services of all kinds, and a client whose frames the test writes itself."""
+
+    def __init__(self, node, token):
+        self.loop = asyncio.get_running_loop()
+        self.log = []
+        self.node = node
+        self.heard = b""
+        self.tasks = []
+        self.other = mock.Mock(loop=self.loop)
+        kinds = (self.add, self.ask, self.hold, self.wait, self.task, self.none, self.wrong)
+        kinds += (self.fail, self.refuse, self.deny, self.pause, self.withdraw)
+        kinds += (self.hog, self.close, self.drain)
+        self.services = [node.create_service(Add, kind.__name__, kind) for kind in kinds]
+        node.create_service(Add, "three", self.wait, concurrency=3)
+        node.create_service(Types, "large", self.large)
+        node.create_service(Types, "texts", self.texts, concurrency=9)
+        self.names = [*(kind.__name__ for kind in kinds), "three", "large", "texts"]
+        self.transport = Transport(self)
+        (listener,) = hub_of(0).listeners.values()
+        self.end = listener.factory()
+        self.end.session.limits = LIMITS
+        self.end.session.set_quota(3, 100)
+        self.end.connection_made(self.transport)
+        self.session = Session(Identity(b"C" * 16, b"c" * 16, token), is_client=True)
+        self.methods = {}
+        while not self.methods:
+            self.read(b"".join(self.session.take()))
+            self.hear()
+
+    def hear(self):
+        """Take the answers of the handshake and of the lookups."""
+        heard, self.heard = self.heard, b""
+        events = list(self.session.feed(heard))
+        if self.session.state.value == "open" and not self.session.open_calls:
+            for name in self.names:
+                self.session.resolve(name, Resolve(f"/{name}"))
+        found = [each for each in events if isinstance(each, ResponseReceived)]
+        if found:
+            self.methods = {
+                each.ticket: messages.decode_resolved(each.body).method for each in found
+            }
+
+    def read(self, data):
+        """Let the server read these bytes at once."""
+        while data and not self.transport.is_closing():
+            room = self.end.get_buffer(-1)
+            count = min(len(data), len(room))
+            room[:count] = data[:count]
+            self.end.buffer_updated(count)
+            data = data[count:]
+
+    def unread(self, size):
+        """Let another caller leave so many bytes of responses unread."""
+        self.other.transport.get_write_buffer_size.return_value = size
+        self.other.written = size
+        if size:
+            self.end.backpressure.answered("/large", self.other, size)
+        self.end.backpressure.measure(self.other)
+
+    # The callbacks
+
+    def add(self, request, response):
+        self.log.append(("add", request.a, request.b))
+        response.sum = request.a + request.b
+        return response
+
+    def ask(self, request, response):
+        self.log.append(("ask", facts()))
+        logging.getLogger("callback").info("asked")
+        return self.add(request, response)
+
+    def hold(self, request, response):
+        self.loop.advance(0.02)
+        return self.add(request, response)
+
+    def hog(self, request, response):
+        self.loop.advance(0.3)
+        return self.add(request, response)
+
+    def close(self, request, response):
+        self.end.close()
+        return self.add(request, response)
+
+    def drain(self, request, response):
+        self.end.drain()
+        return self.add(request, response)
+
+    async def wait(self, request, response):
+        self.log.append(("waits", facts()))
+        try:
+            await asyncio.sleep(0.01)
+        except asyncio.CancelledError:
+            self.log.append(("cancelled", facts()))
+            raise
+        return self.add(request, response)
+
+    async def texts(self, request, response):
+        await asyncio.sleep(0.01)
+        return response
+
+    def task(self, request, response):
+        async def later():
+            await asyncio.sleep(0)
+            self.log.append(("later", facts()))
+
+        self.tasks.append(self.loop.create_task(later()))
+        return self.add(request, response)
+
+    def none(self, request, response):
+        self.add(request, response)
+
+    def wrong(self, request, response):
+        response.sum = 2**70
+        return response
+
+    def fail(self, request, response):
+        raise ValueError("a mistake")
+
+    def refuse(self, request, response):
+        raise HandlerError(Code.UNAVAILABLE, "not now")
+
+    def deny(self, request, response):
+        raise taskrpc.spi.Denied("not you")
+
+    def pause(self, request, response):
+        self.transport.grow(LARGE)
+        return self.add(request, response)
+
+    def large(self, request, response):
+        response.types = bytes(LARGE - 4 + len(request.names))
+        return response
+
+    def withdraw(self, request, response):
+        for service in self.services:
+            if service.service_name in ("/add", "/ask", "/withdraw"):
+                service.destroy()
+        return self.add(request, response)
+
+
+class Transport(asyncio.Transport):
+    """Keeps what the server writes."""
+
+    def __init__(self, server):
+        super().__init__({"peername": ("192.0.2.1", 1)})
+        self._server = server
+        self._unread = 0
+        self._closing = False
+
+    def write(self, data):
+        self._server.heard += bytes(data)
+
+    def grow(self, size):
+        """Let the caller leave so many bytes unread."""
+        self._unread += size
+        self._server.end.pause_writing()
+
+    def read_all(self):
+        self._unread = 0
+        self._server.end.resume_writing()
+
+    def get_write_buffer_size(self):
+        return self._unread
+
+    def pause_reading(self):
+        pass
+
+    def resume_reading(self):
+        pass
+
+    def is_closing(self):
+        return self._closing
+
+    def close(self):
+        self._closing = True
+        self._server.loop.call_soon(self._server.end.connection_lost, None)
+
+    abort = close
+
+
+def mostly(usual, *others):
+    """Mostly the usual value."""
+    return st.sampled_from([*[usual] * (9 + 3 * len(others)), *others])
+
+
+names = st.sampled_from(
+    "add add add ask hold wait wait three three task none wrong fail refuse deny pause large large"
+    " withdraw missing hog close drain".split()
+)
+a_call = st.tuples(
+    st.just("call"),
+    names,
+    mostly(None, b"", b"\x92\x01", b"\x91\x01", REQUEST + b"x", *NAMES),
+    st.sampled_from([NO_DEADLINE, NO_DEADLINE, 10_000, 10_000, 5, 1, 0]),
+    mostly(0, int(Flag.TRACED), int(Flag.EXACTLY_ONCE), 64),
+    mostly(1, 3, 1, 1, 1, 1, 1, 0),
+)
+a_step = st.one_of(
+    a_call,
+    a_call,
+    a_call,
+    st.tuples(st.just("cancel"), st.integers(0, 5)),
+    st.sampled_from([("ping",), ("pause",), ("resume",), ("observe",), ("full",), ("room",)]),
+    st.tuples(st.just("time"), st.sampled_from([0.0, 0.004, 0.01, 0.3])),
+)
+cuts = st.lists(st.integers(1, 90), max_size=4)
+"""The sizes of the first reads; the rest comes in one."""
+a_batch = st.tuples(st.lists(a_step, min_size=1, max_size=8), cuts)
+batches = st.lists(a_batch, min_size=1, max_size=4)
+
+
+class Observing(taskrpc.Observer):
+    def __init__(self, log):
+        self._log = log
+
+    def call_began(self, call):
+        self._log.append(("began", call.service, call.number))
+
+    def call_ended(self, call, code: Code, seconds: float):
+        self._log.append(("ended", call.service, call.number, code, round(seconds, 6)))
+
+
+async def played(batches):
+    """Play the steps; return everything that the caller and the callbacks saw."""
+    async with taskrpc.Node("server", transport="memory", token="t" * 32) as node:
+        server = Server(node, b"t" * 32)
+        server.heard = b""
+        records = Records(server.log)
+        last, sent = server.session.last_call_id, []
+        for steps, sizes in batches:
+            data = b""
+            for kind, *values in steps:
+                if kind == "call":
+                    name, body, left, bits, step = values
+                    if body is None:
+                        body = NAMES[last % 3] if name == "large" else REQUEST
+                    if bits == Flag.TRACED:
+                        body = bytes(25) + body
+                    last += step
+                    sent.append(last)
+                    method = server.methods.get(name, 99)
+                    data += pack_frame(FrameType.REQUEST, bits, method, last, left, body)
+                elif kind == "cancel":
+                    known = sent[values[0]] if values[0] < len(sent) else 77
+                    data += pack_frame(FrameType.CANCEL, 0, 0, known, 0)
+                elif kind == "ping":
+                    data += pack_frame(FrameType.PING, 0, 0, 0, 5)
+                else:
+                    server.read(data)
+                    data = b""
+                    if kind == "pause":
+                        server.transport.grow(10)
+                    elif kind == "resume":
+                        server.transport.read_all()
+                    elif kind in ("full", "room"):
+                        server.unread(40_000_000 if kind == "full" else 0)
+                    elif kind == "observe":
+                        server.services[0].observe(Observing(server.log))
+                    else:
+                        await asyncio.sleep(values[0])
+            for size in sizes:
+                server.read(data[:size])
+                data = data[size:]
+            server.read(data)
+            server.log.append(("written", server.heard))
+        server.transport.read_all()
+        await asyncio.sleep(1)
+        records.close()
+        statuses = [(each.name, each.running, each.waiting) for each in node.status().services]
+        end = server.end.session
+        state = end.state, end.last_call_id, end.bytes_in_flight, len(end.open_calls)
+        state += tuple(each.finished.done() for each in server.services)
+        state += tuple(sorted(server.end.backpressure._large))
+    return server.heard, server.log, statuses, state
+
+
+class Records(logging.Handler):
+    """Adds what is logged, and the number of the call that it is about."""
+
+    def __init__(self, log):
+        super().__init__()
+        self._log = log
+        self.addFilter(taskrpc.logs.CallFilter())
+        logging.getLogger().addHandler(self)
+
+    def emit(self, record: logging.LogRecord):
+        self._log.append((record.getMessage(), getattr(record, "call", None)))
+
+    def close(self):
+        logging.getLogger().removeHandler(self)
+        super().close()
+
+
+def outcome(batches, *, plain):
+    with contextlib.ExitStack() as stack:
+        if not plain:  # leave every frame to the events
+            stack.enter_context(mock.patch.object(Session, "serve", lambda *given: given[1::3]))
+        runner = stack.enter_context(asyncio.Runner(loop_factory=lambda: VirtualTimeLoop(seed=1)))
+        return runner.run(played(batches))
+
+
+class Different(Exception):
+    """The paths have different results."""
+
+
+def assert_same(batches):
+    try:
+        found = outcome(batches, plain=True)
+    except Exception as error:
+        raise Different("the plain path fails") from error
+    expected = outcome(batches, plain=False)
+    if found != expected:
+        raise Different(f"expected {expected}, got {found}")
+
+
+@given(batches)
+@settings(max_examples=examples(300), deadline=None)
+def test_plain_path_has_the_results_of_the_general_path(batches):
+    assert_same(batches)
+
+
+def call(name, left=NO_DEADLINE, bits=0, step=1, body=None):
+    return "call", name, body, left, bits, step
+
+
+SCENARIOS = [
+    # An earlier callback of the same read took so long that the deadline has passed.
+    [([call("hold"), call("add", 5), call("add", 40)], [])],
+    [([call("hog"), call("add")], [])],
+    # A call arrives while the next of those that wait is about to start.
+    *(
+        [([call("wait"), call("wait"), ("time", 0.01), *[("time", 0.0)] * turns, call("wait")], [])]
+        for turns in range(5)
+    ),
+    # Responses wait for callers that do not read.
+    [([call("large")], []), ([("full",), call("large"), call("add"), ("room",)], [])],
+    [([call("pause"), call("add"), ("resume",)], [])],
+    # The callback withdraws services, closes the connection or drains it.
+    [([call("withdraw"), call("add"), call("ask"), call("withdraw")], [])],
+    [([call("close"), call("add")], [])],
+    [([call("drain"), call("add")], [])],
+    # Limits: three calls and a hundred bytes are free, six calls and 500 bytes the limit.
+    [([call("three")] * 9, [])],
+    [([call("wait", body=bytes(150)), call("wait"), call("wait", body=bytes(199))], [])],
+    [([call("add", body=bytes(201)), call("add")], [])],
+    [([call("texts", body=LONG)] * 4, [])],
+    # What a callback began goes on when the next call is served.
+    [([call("task"), call("task"), call("add"), ("time", 0.0)], [])],
+    [([call("ask"), call("add"), ("cancel", 0), call("ask", 7)], [30, 5])],
+    [([call("wait", 5), ("cancel", 0), call("add", 0)], [])],
+    [([call("wait"), ("cancel", 0), ("time", 0.3)], [])],
+    [([call("add"), call("add", step=0), call("add")], [])],
+    [([call("add", bits=int(Flag.TRACED)), call("add", bits=int(Flag.EXACTLY_ONCE))], [])],
+]
+"""Rare coincidences; the random sequences have the rest."""
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+def test_plain_path_has_the_results_of_the_general_path_in_rare_cases(scenario):
+    assert_same(scenario)
+
+
+PLAIN = [
+    ("not flags", "True"),
+    ("service.running < service.concurrency", "True"),
+    ("not waiting.count", "True"),
+    ("and method in offers", "and True"),
+    ("not connection.writing_paused", "True"),
+    ("not backpressure.is_active", "True"),
+    ("arrived + time_left / 1000 > began", "True"),
+    ("arrived + time_left / 1000 > began", "arrived + time_left / 1000 >= began"),
+    ("service.running += 1", "pass"),
+    ("service.running -= 1", "pass"),
+    ("number = numbers.last + 1", "number = numbers.last"),
+    (" and call.call is None", ""),
+    ("(length := len(encoded)) > limit", "(length := len(encoded)) < 0"),
+    ("service.raised(", "service.returned("),
+    ("reset_answering(token)", "pass"),
+    ("call.ended = True", "pass"),
+    ("connection.clock_at = ended = now()", "ended = now()"),
+    ("service.held(ended - began)", "pass"),
+    ("service.finished(began)", "pass"),
+    ("ended - arrived", "ended - began"),
+]
+SERVING = [
+    ("and self.state is _OPEN:", ":"),
+    ("end - body > splitter.limit", "False"),
+    ("call_id <= self.last_call_id", "False"),
+    ("len(open_calls) >= self.free_calls", "False"),
+    ("self.bytes_in_flight + end - body > self.free_bytes", "False"),
+    ("self.last_call_id = call_id", "pass"),
+    ("data = splitter.take_tail() + data", "splitter.take_tail()"),
+    ("self.state is not _CLOSED", "True"),
+]
+DIFFERENCES = [
+    *((plain_serving, "_plain", *texts) for texts in PLAIN),
+    *((Session, "serve", *texts) for texts in SERVING),
+    (Session, "accept", "self.bytes_in_flight += size", "pass"),
+]
+
+
+@pytest.mark.parametrize(("owner", "name", "text", "by"), DIFFERENCES)
+def test_a_difference_between_the_paths_is_found(owner, name, text, by):
+    @given(batches)
+    @settings(max_examples=200, database=None, derandomize=True, phases=[Phase.generate])
+    def compare(batches):
+        assert_same(batches)
+
+    def compare_all():
+        for scenario in SCENARIOS:
+            assert_same(scenario)
+        compare()
+
+    with Replaced(owner, name, text, by).patch, pytest.raises(Different):
+        compare_all()
