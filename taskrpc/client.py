@@ -121,7 +121,7 @@ class Client(Generic[RequestT, ResponseT]):
         """
         seconds, left = self._timeout, self._left  # as in `_deadline`
         if timeout is not UNSET:
-            seconds, left = _checked(timeout), 0
+            seconds, left = checked_timeout(timeout), 0
         deadline = None if seconds is None else self._now() + seconds
         policy = self._retry if retry is UNSET else retry
         channel, call = self._channel, None
