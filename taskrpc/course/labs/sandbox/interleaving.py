@@ -78,6 +78,7 @@ class Tracer:
             self._is_own[name] = path.suffix == ".py" and path.is_relative_to(self._folder)
         if not self._is_own[name]:
             return None
+        frame.f_trace = self._stepped  # without it, Python 3.13 ignores the next line
         frame.f_trace_opcodes = True
         if getattr(self._local, "outermost", None) is None:
             self._local.outermost = frame
