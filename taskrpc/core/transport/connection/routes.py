@@ -7,9 +7,11 @@ a connection, so a method id names a service and the node that calls it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import msgspec
 
+from taskrpc.core.request_ids.ids import ReceivedId
 from taskrpc.core.security.roles import Role
 from taskrpc.core.transport.base import Offer
 from taskrpc.core.transport.connection.incoming_call import (
@@ -19,11 +21,17 @@ from taskrpc.core.transport.connection.incoming_call import (
     rerouted,
     route_to,
 )
-from taskrpc.core.wire.messages import Resolve
+from taskrpc.core.wire.events import RequestReceived
+from taskrpc.core.wire.frames import Flag
+from taskrpc.core.wire.messages import Resolve, cut_span
 from taskrpc.errors import ServerBusy, ServiceUnavailable, TaskRpcError
 
 MAX_HANDLES = 0xFFFF
 """Most pairs of a service and a calling node that one connection can use."""
+
+
+_TRACED = int(Flag.TRACED)
+_EXACTLY_ONCE = int(Flag.EXACTLY_ONCE)  # a Flag's own & costs as much as a decoded message
 
 
 class Refusal(msgspec.Struct, frozen=True):
@@ -91,6 +99,20 @@ class Routes(dict[int, Route]):
         for handle, route in self.items():
             if (offer := offers.get(route.method)) is not None:
                 self[handle] = _with_faults(rerouted(route, replaced(offer)), faults)
+
+
+def read_request(route: Route, event: RequestReceived) -> tuple[Any, ReceivedId | None]:
+    """Return the message and the request id of a request; moves its span out of the body.
+
+    Raises InvalidRequest or ProtocolError for bytes that are not valid, and PermissionDenied if the
+    caller's role is too low.
+    """
+    received_id = None
+    if event.flags & _TRACED:
+        event.span, event.body = cut_span(event.body)
+    if event.flags & _EXACTLY_ONCE:
+        received_id, event.body = route.split_id(event.body)
+    return route.decode(event.body), received_id
 
 
 def _with_faults(route: Route, faults: RouteFaults | None) -> Route:

@@ -19,7 +19,7 @@ from taskrpc.core.transport.connection.incoming_call import (
     resolved,
 )
 from taskrpc.core.transport.connection.plain_serving import answer_of
-from taskrpc.core.transport.connection.routes import Refusal, Routes
+from taskrpc.core.transport.connection.routes import Refusal, Routes, read_request
 from taskrpc.core.transport.limits.backpressure import Backpressure
 from taskrpc.core.transport.limits.calls_in_flight import FREE, CallsInFlight
 from taskrpc.core.transport.limits.quotas import QuotaKey, quota_key_of
@@ -37,9 +37,9 @@ from taskrpc.core.wire.events import (
     SubscribeReceived,
     UnsubscribeReceived,
 )
-from taskrpc.core.wire.frames import NO_DEADLINE, Flag
+from taskrpc.core.wire.frames import NO_DEADLINE
 from taskrpc.core.wire.handshake import Identity
-from taskrpc.core.wire.messages import STATISTICS, Listing, cut_span
+from taskrpc.core.wire.messages import STATISTICS, Listing
 from taskrpc.core.wire.session import Answer
 from taskrpc.errors import (
     AuthenticationFailed,
@@ -56,9 +56,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("taskrpc.server")
 _accounts_log = logging.getLogger("taskrpc.transport")
-
-_TRACED = int(Flag.TRACED)
-_EXACTLY_ONCE = int(Flag.EXACTLY_ONCE)  # a Flag's own & costs as much as a decoded message
 
 FRAMES_A_TURN = 64
 """Frames of one connection that are handled before those of other connections."""
@@ -381,14 +378,8 @@ class ServingConnection(Connection):
             gone = ServiceUnavailable("the service is no longer offered here")
             session.fail(event.call_id, gone)
             return
-        received_id = None
         try:
-            if event.flags:
-                if event.flags & _TRACED:
-                    event.span, event.body = cut_span(event.body)
-                if event.flags & _EXACTLY_ONCE:
-                    received_id, event.body = route.split_id(event.body)
-            request = route.decode(event.body)
+            request, received_id = read_request(route, event)
         except (InvalidRequest, PermissionDenied, ProtocolError) as error:
             session.fail(event.call_id, error)
             self._report_refusal(event.method, error)
