@@ -12,7 +12,10 @@ import math
 import sys
 import time
 from collections.abc import Callable, Iterable
+from contextvars import Context, copy_context
 from typing import Protocol
+
+from taskrpc.core.callinfo import answering
 
 TICK = 0.005
 """Seconds by which an expired call may end late."""
@@ -89,13 +92,15 @@ class Holder(Protocol):
 class Deadlines:
     """Calls `expired()` on a holder's open calls whose deadline has passed, with one timer."""
 
-    __slots__ = ("_holder", "_loop", "_plan", "_timer")
+    __slots__ = ("_context", "_holder", "_loop", "_plan", "_timer")
 
     def __init__(self, loop: asyncio.AbstractEventLoop, holder: Holder) -> None:
         self._loop = loop
         self._holder = holder
         self._plan = CheckPlan()
         self._timer: asyncio.TimerHandle | None = None
+        self._context: Context | None = None
+        """The context of the timer, without a call: a callback's own would keep its call alive."""
 
     def watch(self, deadline: float) -> None:
         """Check the open calls when this deadline passes."""
@@ -114,7 +119,10 @@ class Deadlines:
         self.close()
         self._holder.check_before = self._plan.threshold
         if self._plan.at != math.inf:
-            self._timer = self._loop.call_at(self._plan.at, self._check)
+            if self._context is None:
+                self._context = copy_context()
+                self._context.run(answering.set, None)
+            self._timer = self._loop.call_at(self._plan.at, self._check, context=self._context)
 
     def _check(self) -> None:
         self._timer = None
