@@ -450,10 +450,10 @@ class _AsyncCall(msgspec.Struct, eq=False):
     service: Service
     call: IncomingCall
 
-    def returned(self, value: Any) -> None:
+    def returned(self, value: object) -> None:
         """Answer: the coroutine has returned."""
         self.service._job_returned(self.call, value)
 
-    def done(self, task: asyncio.Future[Any]) -> None:
+    def done(self, task: asyncio.Future[object]) -> None:
         """Answer: the task is done."""
         self.service._job_done(self.call, task)

@@ -22,10 +22,10 @@ from taskrpc.core.callinfo import answering
 class Ended(Protocol):
     """Called once, at the end of a task."""
 
-    def returned(self, value: Any) -> None:
+    def returned(self, value: object) -> None:
         """The coroutine returned this; called in the task's last step."""
 
-    def done(self, task: asyncio.Future[Any]) -> None:
+    def done(self, task: asyncio.Future[object]) -> None:
         """The task is done in another way, or it is an ordinary task."""
 
 

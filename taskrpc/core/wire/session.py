@@ -236,7 +236,7 @@ class Session(BaseSession):
         return self.last_call_id
 
     def request_frame(
-        self, ticket: Any, method: int, body: Body, time_left: int, flags: int, size: int
+        self, ticket: object, method: int, body: Body, time_left: int, flags: int, size: int
     ) -> bytes:
         """Begin a call, and return its frame, which the caller writes or adds to `out`.
 

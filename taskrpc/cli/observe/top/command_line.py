@@ -106,7 +106,7 @@ def _as_json(view: View) -> str:
     return json.dumps(as_object(view))
 
 
-def as_object(view: View) -> dict[str, Any]:
+def as_object(view: View) -> dict[str, object]:
     """Return a view as `--json` prints it: rates a second, durations in milliseconds."""
     from msgspec import to_builtins
 

@@ -88,7 +88,7 @@ def result(task: TaskInfo) -> Any:
     return json.loads(task.result) if task.result else None
 
 
-def as_object(task: TaskInfo) -> dict[str, Any]:
+def as_object(task: TaskInfo) -> dict[str, object]:
     """Return a task as `list --json` shows it; instants are seconds since 1970 or None."""
     return {
         "task_id": task.task_id,
@@ -108,7 +108,7 @@ def as_object(task: TaskInfo) -> dict[str, Any]:
     }
 
 
-def whole_object(task: TaskInfo) -> dict[str, Any]:
+def whole_object(task: TaskInfo) -> dict[str, object]:
     """Return everything about a task as JSON values."""
     changes = [{"seconds": each.seconds, "cause": each.cause} for each in task.estimate_changes]
     return {**as_object(task), "result": result(task), "estimate_changes": changes}

@@ -62,7 +62,13 @@ class PlainConnection(Protocol):
         """Handle a request in the general way."""
 
     def made_call(
-        self, route: Route, call_id: int, time_left: int, request: Any, number: int, arrived: float
+        self,
+        route: Route,
+        call_id: int,
+        time_left: int,
+        request: object,
+        number: int,
+        arrived: float,
     ) -> RemoteCall:
         """Return the record of a call, and watch its deadline."""
 

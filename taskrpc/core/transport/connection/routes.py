@@ -7,7 +7,6 @@ a connection, so a method id names a service and the node that calls it.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import msgspec
 
@@ -101,7 +100,7 @@ class Routes(dict[int, Route]):
                 self[handle] = _with_faults(rerouted(route, replaced(offer)), faults)
 
 
-def read_request(route: Route, event: RequestReceived) -> tuple[Any, ReceivedId | None]:
+def read_request(route: Route, event: RequestReceived) -> tuple[object, ReceivedId | None]:
     """Return the message and the request id of a request; moves its span out of the body.
 
     Raises InvalidRequest or ProtocolError for bytes that are not valid, and PermissionDenied if the

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Hashable, Iterable
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol, TypeAlias, cast
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias, cast
 
 from taskrpc.core.request_ids.ids import ReceivedId
 from taskrpc.core.security.roles import Account, Accounts, Role
@@ -404,7 +404,7 @@ class ServingConnection(Connection):
         route: Route,
         call_id: int,
         time_left: int,
-        request: Any,
+        request: object,
         number: int,
         arrived: float,
         received_id: ReceivedId | None = None,
