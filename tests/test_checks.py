@@ -1,9 +1,11 @@
 """`.ci/run` starts in any shell, and knows every check of the list."""
 
+import importlib.util
 import shutil
 import subprocess
 import sys
 import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -30,3 +32,33 @@ def test_the_makefile_knows_every_check():
     for each in CHECKS:
         name = "test" if each["name"] == "quick" else each["name"]
         assert f" {name}" in words
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="runs programs of POSIX")
+def test_a_check_that_failed_runs_once_more(tmp_path, monkeypatch, capsys):
+    found = importlib.util.spec_from_file_location("checks", ROOT / ".ci" / "checks.py")
+    checks = importlib.util.module_from_spec(found)
+    monkeypatch.setitem(sys.modules, "checks", checks)
+    found.loader.exec_module(checks)
+    once = "sh -c 'test -e tried || { touch tried; exit 1; }'"
+    (tmp_path / ".ci").mkdir()
+    (tmp_path / ".ci" / "checks.toml").write_text(
+        f"[programs]\n{check('once', once)}{check('never', 'false')}", encoding="utf-8"
+    )
+    monkeypatch.setattr(checks, "ROOT", tmp_path)
+    folder = Path(sys.executable).parent
+    monkeypatch.setattr(checks.Environments, "folder_of", lambda self, extras: folder)
+    monkeypatch.setattr(sys, "argv", [".ci/run", "once"])
+    assert checks.main() == 0
+    table = capsys.readouterr().out.rpartition("minutes\n")[2].split()
+    assert table[::3] == ["once", "once"]
+    assert table[2::3] == ["FAILED", "passed"]
+    monkeypatch.setattr(sys, "argv", [".ci/run"])
+    assert checks.main() == 1
+
+
+def check(name, command):
+    return (
+        f'[[check]]\nname = "{name}"\nwhat = "a check"\nrun = ["{command}"]\nenvironment = ""\n'
+        "minutes = 1\n"
+    )
