@@ -127,12 +127,17 @@ async def test_programs_end_if_the_process_that_started_them_is_killed(tmp_path)
     path = tmp_path / "ended"
     command = [sys.executable, "-c", LAUNCH, WAITS.format(path=str(path))]
     with subprocess.Popen(command, stdout=subprocess.PIPE) as process:
-        process.stdout.readline()
+        assert process.stdout.readline().split() == [b"started"]
         process.kill()
     if sys.platform != "win32":  # there the program does not learn that it ends
-        async with asyncio.timeout(60):
-            while not path.exists():
-                await asyncio.sleep(0.01)
+        try:
+            async with asyncio.timeout(60):
+                while not path.exists():
+                    await asyncio.sleep(0.01)
+        except TimeoutError:
+            listed = subprocess.run(["ps", "-A", "-o", "pid,pgid,stat,args"], capture_output=True)
+            lines = [each for each in listed.stdout.splitlines() if os.fsencode(path) in each]
+            pytest.fail(f"the program did not end by a signal; it is now {lines or 'gone'}")
 
 
 async def test_missing_program_raises_and_leaves_no_file_open():
