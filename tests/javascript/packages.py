@@ -10,10 +10,13 @@ import os
 import re
 import shutil
 import subprocess
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from taskrpc.core.system.file_locks import locked
 
 FOLDER = Path(__file__).parent
 _INSTALLED = FOLDER / "node_modules"
@@ -38,12 +41,18 @@ def node_modules() -> Path:
     npm = program("npm", package="nodejs npm")
     lock = FOLDER / "package-lock.json"
     installed = _INSTALLED / "installed-lock.json"
-    if not installed.exists() or installed.read_bytes() != lock.read_bytes():
-        command = [npm, "ci", "--no-audit", "--no-fund", "--ignore-scripts"]
-        done = subprocess.run(command, cwd=FOLDER, capture_output=True, text=True)
-        assert done.returncode == 0, f"npm ci failed: {done.stdout}{done.stderr}"
-        shutil.copy(lock, installed)
+    with one_at_a_time():
+        if not installed.exists() or installed.read_bytes() != lock.read_bytes():
+            command = [npm, "ci", "--no-audit", "--no-fund", "--ignore-scripts"]
+            done = subprocess.run(command, cwd=FOLDER, capture_output=True, text=True)
+            assert done.returncode == 0, f"npm ci failed: {done.stdout}{done.stderr}"
+            shutil.copy(lock, installed)
     return _INSTALLED
+
+
+def one_at_a_time() -> AbstractContextManager[None]:
+    """Let other processes of the tests wait: they would install into the same folder."""
+    return locked(FOLDER / "installing.lock")
 
 
 def obstacle(package: str, node: str, lock: dict[str, Any]) -> str:

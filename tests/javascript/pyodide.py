@@ -7,15 +7,20 @@ import sys
 from pathlib import Path
 
 from taskrpc.course.browser_lab.downloads import ARCHIVES, MSGSPEC, PYODIDE, PYYAML
-from tests.javascript.packages import FOLDER, program
+from tests.javascript.packages import FOLDER, one_at_a_time, program
 
 _ARCHIVES = FOLDER / "pyodide"
 
 
 def archives() -> Path:
     """Return the folder with the archives; downloads them if one is missing."""
-    if all((_ARCHIVES / archive.name).is_file() for archive in ARCHIVES):
-        return _ARCHIVES
+    with one_at_a_time():
+        if not all((_ARCHIVES / archive.name).is_file() for archive in ARCHIVES):
+            _download()
+    return _ARCHIVES
+
+
+def _download() -> None:
     npm = program("npm", package="nodejs npm")
     _ARCHIVES.mkdir(exist_ok=True)
     pip = [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "--dest", "."]
@@ -25,7 +30,6 @@ def archives() -> Path:
     _run([npm, "pack", PYODIDE.name.removesuffix(".tgz").replace("-", "@", 1)])
     _run([*pip, *wheel, "==".join(MSGSPEC.name.split("-")[:2])])
     _run([*pip, *source, "==".join(PYYAML.name.removesuffix(".tar.gz").split("-"))])
-    return _ARCHIVES
 
 
 def _run(command: list[str]) -> None:
