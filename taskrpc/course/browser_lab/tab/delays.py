@@ -11,7 +11,7 @@ LONG = 0.5
 
 
 class Delays:
-    """The longest delay since somebody asked."""
+    """Remembers the longest delay until `were_long` is called."""
 
     def __init__(self) -> None:
         self._longest = 0.0
