@@ -1,13 +1,23 @@
 """A plan checks each deadline in time: never early, at most half a tick late."""
 
+import asyncio
+import gc
 import math
+import weakref
 
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from taskrpc.core.transport.connection.deadline_timer import CHECK_LATE, TICK, CheckPlan, is_over
+from taskrpc.core.callinfo import answering
+from taskrpc.core.transport.connection.deadline_timer import (
+    CHECK_LATE,
+    TICK,
+    CheckPlan,
+    Deadlines,
+    is_over,
+)
 from tests.properties import examples
 
 RESOLUTION = 2e-9
@@ -49,6 +59,32 @@ def test_check_of_very_many_calls_is_followed_by_a_longer_pause():
 def test_deadline_is_over_when_the_clock_is_a_nanosecond_early(now):
     assert is_over(now, now - 5e-10)
     assert not is_over(now + TICK / 10, now)
+
+
+class NoCalls:
+    """A connection on which no call is open."""
+
+    check_before = math.inf
+
+    def expiring(self):
+        return ()
+
+
+class AnsweredCall:
+    """Stands for the record of a call."""
+
+
+async def test_timer_that_a_callback_has_caused_does_not_keep_its_call_alive():
+    loop = asyncio.get_running_loop()
+    deadlines, call = Deadlines(loop, NoCalls()), AnsweredCall()
+    token = answering.set(call)
+    deadlines.watch(loop.time() + 30)
+    answering.reset(token)
+    left = weakref.ref(call)
+    del call, token
+    gc.collect()
+    assert left() is None
+    deadlines.close()
 
 
 class Watching(RuleBasedStateMachine):
