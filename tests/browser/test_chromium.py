@@ -101,6 +101,13 @@ def test_barrier_for_readers_is_found(tabs, mistake, rule):
         assert [each.split()[0] for each in tabs.open(url).violations()] == [rule]
 
 
+def test_text_that_is_still_appearing_is_no_barrier(tabs):
+    with served("<p id='slow'>slow</p>") as url:
+        tab = tabs.open(url)
+        tab.run("document.getElementById('slow').animate([{opacity: 0}, {opacity: 1}], 3_600_000)")
+        assert tab.violations() == []
+
+
 def test_media_features_and_sizes_are_set(tabs):
     with served() as url:
         tab = tabs.open(url, size=(390, 844), color_scheme="dark", reduced_motion="reduce")

@@ -244,6 +244,7 @@ def test_unfinished_recording_says_so_on_the_page(run, view, tmp_path):
     (tmp_path / "cut.mcap").write_bytes(data[: len(data) * 2 // 3])
     page = view(tmp_path / "cut.mcap")
     assert page.tab.text("#banner").startswith("cut.mcap is not finished")
+    pause(page)
     assert page.tab.violations() == []
     timeline = Timeline(Recording(tmp_path / "cut.mcap"))
     agrees(page, timeline, seek(page, timeline, 1.0))
