@@ -9,11 +9,13 @@ import random
 from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
-from typing import cast
+from typing import TypeVar, cast
 
 from taskrpc.core.transport.connection.connection import Connection
 from taskrpc.core.transport.memory import Listener
 from taskrpc.core.transport.pipe import Pipe
+
+_Result = TypeVar("_Result")
 
 
 class NetworkFaults:
@@ -37,8 +39,8 @@ class NetworkFaults:
         """How often each kind of fault happened; see `FaultyNetwork.happened`."""
         self.silent: set[tuple[str, str]] = set()
         """The directions (from program, to program) in which nothing passes."""
-        self.healed = asyncio.Event()
-        """Set when every direction passes again."""
+        self._connecting: list[asyncio.Future[None]] = []
+        """Programs whose requests to connect cannot pass now."""
         self.connections: dict[FaultyConnection, None] = {}
         self._random = random.Random(seed)
         self._delay = delay
@@ -50,7 +52,9 @@ class NetworkFaults:
         """Wait until a listener has the request to connect; raises ConnectionRefusedError."""
         await asyncio.sleep(self.lag())
         while {(caller, listener.program), (listener.program, caller)} & self.silent:
-            await self.healed.wait()
+            healed = asyncio.get_running_loop().create_future()
+            self._connecting.append(healed)
+            await healed
         if self._random.random() < self._refuse:
             self.happened["refusals"] += 1
             raise ConnectionRefusedError("the network refused the connection")
@@ -60,14 +64,24 @@ class NetworkFaults:
     ) -> None:
         """Connect a client with a new connection of a listener."""
         self.happened["connections"] += 1
-        context = listener.context
-        server = context.run(listener.factory)
+        context, loop = listener.context, listener.loop
+        server = _run_on(loop, context, listener.factory)
         client_end = FaultyPipe(client, name, contextvars.copy_context())
-        server_end = FaultyPipe(server, f"a client of {name}", context)
+        server_end = _run_on(loop, context, FaultyPipe, server, f"a client of {name}", context)
         connection = FaultyConnection(self, caller, listener.program, client_end, server_end)
         self.connections[connection] = None
-        context.run(server.connection_made, server_end)
+        _run_on(loop, context, server.connection_made, server_end)
         client.connection_made(client_end)
+
+    def heal(self) -> None:
+        """Let everything pass again."""
+        self.silent.clear()
+        connecting, self._connecting = self._connecting, []
+        for each in connecting:
+            if not each.done():
+                each.set_result(None)
+        for connection in list(self.connections):
+            connection.heal()
 
     def lag(self) -> float:
         """Return how many seconds the next bytes take to arrive."""
@@ -87,6 +101,21 @@ class NetworkFaults:
         return self._random.expovariate(1 / self._cut_after) if self._cut_after else math.inf
 
 
+def _run_on(
+    loop: asyncio.AbstractEventLoop,
+    context: contextvars.Context,
+    function: Callable[..., _Result],
+    *arguments: object,
+) -> _Result:
+    """Call a function as a callback of a loop, which may be that of another program."""
+    here = asyncio.get_running_loop()
+    asyncio._set_running_loop(loop)
+    try:
+        return context.run(function, *arguments)
+    finally:
+        asyncio._set_running_loop(here)
+
+
 class FaultyPipe(Pipe):
     """One end of a connection; its callbacks run in its own program's context."""
 
@@ -98,6 +127,7 @@ class FaultyPipe(Pipe):
     ) -> None:
         super().__init__(protocol, name)
         self.context = context
+        self.loop = self._loop
 
     def arrived(self, piece: bytes) -> None:
         """Deliver bytes that have arrived."""
@@ -154,7 +184,7 @@ class FaultyPipe(Pipe):
 
     def _wake_sender(self) -> None:
         sender = cast("FaultyPipe", self.peer)
-        self._loop.call_soon(super()._wake_sender, context=sender.context)
+        sender.loop.call_soon(super()._wake_sender, context=sender.context)
 
     def _lose(self) -> None:
         if not self._lost:
@@ -171,7 +201,7 @@ class Direction:
         self.connection = connection
         self._source, self._target = source, target  # the names of the programs
         self._end = end
-        self._loop = asyncio.get_running_loop()
+        self._loop = end.loop
         # What happens at the end, with its time of arrival.
         self._queue: deque[tuple[float, Callable[[], object]]] = deque()
         self._last = 0.0  # the arrival time of the newest entry, so that nothing overtakes it
@@ -251,7 +281,7 @@ class Direction:
         sender = cast("FaultyPipe", self._end.peer)
         if self._death is None:
             wait = self.connection.faults.dead_after or sender.keepalive_timeout
-            self._death = self._loop.call_later(wait, self._die, sender, context=sender.context)
+            self._death = sender.loop.call_later(wait, self._die, sender, context=sender.context)
 
     def _die(self, sender: FaultyPipe) -> None:
         self._death = None

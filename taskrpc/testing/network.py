@@ -81,14 +81,10 @@ class FaultyNetwork:
         still exist.
         """
         self._faults.silent.update([(a, b), (b, a)] if both else [(a, b)])
-        self._faults.healed.clear()
 
     def heal(self) -> None:
         """Let everything pass again."""
-        self._faults.silent.clear()
-        self._faults.healed.set()
-        for connection in list(self._faults.connections):
-            connection.heal()
+        self._faults.heal()
 
     def cut(self, a: str, b: str) -> None:
         """Cut all connections between two programs; the bytes in flight are lost."""

@@ -1,7 +1,8 @@
 """The network inside one event loop: the same frames and rules as TCP, without sockets.
 
 For users' tests, and for programs that no other process shall see, such as the demo. All endpoints
-of one loop and domain see each other.
+of one loop and domain see each other. In a simulation, each program has a loop of its own, and the
+loops share their hubs: a loop with the attribute `hubs` uses these.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ class Listener(msgspec.Struct, frozen=True, eq=False):
     factory: Factory
     context: contextvars.Context
     """The context of the listening program; its side of a connection runs in it."""
+    loop: asyncio.AbstractEventLoop
+    """The loop of the listening program."""
 
 
 class Conditions(Protocol):
@@ -62,20 +65,21 @@ class Hub:
         """Counts the changes of the entries."""
         self.names = 0
         """Counts the addresses that were given."""
-        self._next: asyncio.Future[None] | None = None
+        self._next: list[asyncio.Future[None]] = []
 
     def changed(self) -> None:
         """Wake all tasks that wait for a change."""
         self.revision += 1
-        if self._next is not None and not self._next.done():
-            self._next.set_result(None)
-        self._next = None
+        waiting, self._next = self._next, []
+        for each in waiting:
+            if not each.done():
+                each.set_result(None)
 
     async def next_change(self) -> None:
         """Return at the next change."""
-        if self._next is None:
-            self._next = asyncio.get_running_loop().create_future()
-        await asyncio.shield(self._next)
+        change = asyncio.get_running_loop().create_future()
+        self._next.append(change)
+        await change
 
 
 _hubs: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[int, Hub]] = (
@@ -85,7 +89,9 @@ _hubs: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[int, Hub]] = (
 
 def hub_of(domain: int) -> Hub:
     """Return the hub of the running loop and a domain."""
-    hubs = _hubs.setdefault(asyncio.get_running_loop(), {})
+    loop = asyncio.get_running_loop()
+    shared: dict[int, Hub] | None = getattr(loop, "hubs", None)
+    hubs = _hubs.setdefault(loop, {}) if shared is None else shared
     hub = hubs.get(domain)
     if hub is None:
         hub = hubs[domain] = Hub()
@@ -129,7 +135,8 @@ class MemoryNetwork:
         """Accept connections from now on; return the address."""
         self._hub.names += 1
         self._address = f"memory:{self._hub.names}"
-        listener = Listener(self.program, factory, contextvars.copy_context())
+        loop = asyncio.get_running_loop()
+        listener = Listener(self.program, factory, contextvars.copy_context(), loop)
         self._hub.listeners[self._address] = listener
         return self._address
 
