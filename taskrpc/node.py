@@ -112,6 +112,9 @@ class Node:
     default_observer: ClassVar[Observer | None] = None
     """Observes the nodes that are created without an observer; a notebook sets it."""
 
+    default_faults: ClassVar[RouteFaults | None] = None
+    """Faults of the nodes that are created without any; a simulation sets it."""
+
     def __init__(
         self,
         name: str,
@@ -142,7 +145,7 @@ class Node:
             keepalive=keepalive,
             tls=tls,
             threads=self._threads,
-            faults=faults,
+            faults=faults or self.default_faults,
         )
         self._observer = observer or self.default_observer
         self._transport: Endpoint | None = None

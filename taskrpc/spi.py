@@ -102,6 +102,7 @@ if TYPE_CHECKING:
     )
     from taskrpc.core.transport.limits.keepalive import drop_dead_peers, keepalive_of
     from taskrpc.core.transport.limits.log_throttling import ThrottledLog
+    from taskrpc.core.transport.memory import Hub, MemoryNetwork
     from taskrpc.core.transport.network import Address, Factory, Network
     from taskrpc.core.transport.settings import Settings, domain_id, environment_peers
     from taskrpc.core.transport.shared_endpoint import (
@@ -130,6 +131,8 @@ if TYPE_CHECKING:
     from taskrpc.core.wire.statistics import ServiceStatistics, Statistics, percentile
     from taskrpc.core.wire.topics import qos_mismatch_text
     from taskrpc.sync.loop_thread import LoopThread
+    from taskrpc.testing.fault_specs import Fault, FaultKind
+    from taskrpc.testing.faulty_connections import NetworkFaults
 
 _HOMES = {
     "actions.goals": "GoalLedger GoalRecord goals_to_cancel",
@@ -178,6 +181,7 @@ _HOMES = {
     ),
     "core.transport.limits.keepalive": "drop_dead_peers keepalive_of",
     "core.transport.limits.log_throttling": "ThrottledLog",
+    "core.transport.memory": "Hub MemoryNetwork",
     "core.transport.network": "Address Factory Network",
     "core.transport.settings": "Settings domain_id environment_peers",
     "core.transport.shared_endpoint": "TRANSPORTS Registration close_program registered",
@@ -196,6 +200,8 @@ _HOMES = {
     "core.wire.statistics": "ServiceStatistics Statistics percentile",
     "core.wire.topics": "qos_mismatch_text",
     "sync.loop_thread": "LoopThread",
+    "testing.fault_specs": "Fault FaultKind",
+    "testing.faulty_connections": "NetworkFaults",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -230,21 +236,26 @@ __all__ = [
     "EntryChange",
     "Execution",
     "Factory",
+    "Fault",
+    "FaultKind",
     "FileInUse",
     "ForeignServer",
     "GoalEvent",
     "GoalLedger",
     "GoalRecord",
     "Handoff",
+    "Hub",
     "IntrospectionState",
     "InvalidTransition",
     "Lab",
     "Listener",
     "Listing",
     "LoopThread",
+    "MemoryNetwork",
     "NativeEngine",
     "NativeReply",
     "Network",
+    "NetworkFaults",
     "ObservedNode",
     "OnDone",
     "OnMismatch",

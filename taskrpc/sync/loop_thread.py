@@ -9,9 +9,8 @@ import threading
 from collections.abc import Callable, Coroutine
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as WaitTimeout
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
-from taskrpc.core.current_program import current_program
 from taskrpc.errors import WouldDeadlock
 from taskrpc.program import fast_loop
 
@@ -27,8 +26,7 @@ _ENDED = 0
 class LoopThread:
     """The event loop of this process's blocking nodes, in a thread of its own."""
 
-    _of_programs: ClassVar[dict[str, LoopThread]] = {}
-    """By the values of `current_program`; a process has one program, as a rule."""
+    _instance: LoopThread | None = None
     _guard = threading.Lock()
 
     def __init__(self) -> None:
@@ -41,13 +39,11 @@ class LoopThread:
 
     @classmethod
     def shared(cls) -> LoopThread:
-        """Return the program's loop thread; the first call, also after a fork, starts it."""
+        """Return the process's loop thread; the first call, also after a fork, starts it."""
         with cls._guard:
-            program = current_program.get()
-            known = cls._of_programs.get(program)
-            if known is None or known._pid != os.getpid():
-                known = cls._of_programs[program] = cls()
-            return known
+            if cls._instance is None or cls._instance._pid != os.getpid():
+                cls._instance = cls()
+            return cls._instance
 
     @property
     def event_loop(self) -> asyncio.AbstractEventLoop:

@@ -26,6 +26,16 @@ RETRY_AFTER = 0.1
 """Seconds after which a client may repeat a call that was refused as busy."""
 
 
+class Plan(Protocol):
+    """Decides which call gets which fault."""
+
+    def concerns(self, service: str) -> bool:
+        """Return whether calls of a service can get a fault."""
+
+    def next(self, service: str) -> Fault | None:
+        """Return the fault of the next call of a service, None for none."""
+
+
 class CallFaults:
     """Faults in the calls of a node: `Node("robot", faults=CallFaults("lose-response:first=1"))`.
 
@@ -46,13 +56,14 @@ class CallFaults:
         """The faults; as text, each says what it does."""
         self.happened = dict.fromkeys((fault.kind.value for fault in self.faults), 0)
         """How often each kind of fault happened."""
-        self._plan = FaultPlan(
+        self.plan: Plan = FaultPlan(
             self.faults, [random.Random(fault.seed).random for fault in self.faults]
         )
+        """Decides which call gets which fault; a simulation has its own."""
 
     def applied(self, route: Route) -> Route:
         """Return a route of a connection whose calls get the faults."""
-        if not self._plan.concerns(route.offer.name):
+        if not self.plan.concerns(route.offer.name):
             return route
         serve = partial(self._serve, route.offer.serve)
         offer = msgspec.structs.replace(route.offer, serve=serve)
@@ -64,11 +75,11 @@ class CallFaults:
             serve(call)
             return
         call.is_decided = True
-        fault = self._plan.next(call.service)
+        fault = self.plan.next(call.service)
         if fault is None:
             serve(call)
             return
-        self.happened[fault.kind.value] += 1
+        self.happened[fault.kind.value] = self.happened.get(fault.kind.value, 0) + 1
         if not fault.kind.concerns_response:
             _report(call, fault)
         match fault.kind:

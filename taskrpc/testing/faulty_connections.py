@@ -12,7 +12,7 @@ from functools import partial
 from typing import TypeVar, cast
 
 from taskrpc.core.transport.connection.connection import Connection
-from taskrpc.core.transport.memory import Listener
+from taskrpc.core.transport.memory import Hub, Listener
 from taskrpc.core.transport.pipe import Pipe
 
 _Result = TypeVar("_Result")
@@ -50,7 +50,7 @@ class NetworkFaults:
 
     async def connect(self, caller: str, listener: Listener) -> None:
         """Wait until a listener has the request to connect; raises ConnectionRefusedError."""
-        await asyncio.sleep(self.lag())
+        await asyncio.sleep(self.lag(caller, listener.program))
         while {(caller, listener.program), (listener.program, caller)} & self.silent:
             healed = asyncio.get_running_loop().create_future()
             self._connecting.append(healed)
@@ -83,8 +83,19 @@ class NetworkFaults:
         for connection in list(self.connections):
             connection.heal()
 
-    def lag(self) -> float:
-        """Return how many seconds the next bytes take to arrive."""
+    def crash(self, program: str, hub: Hub) -> None:
+        """Take a program off a hub as if it were killed; see `FaultyNetwork.crash`."""
+        gone = [address for address, each in hub.listeners.items() if each.program == program]
+        for address in gone:
+            del hub.listeners[address]
+        for network in [each for each in hub.entries if each.program == program]:
+            del hub.entries[network]
+        for connection in list(self.connections):
+            connection.crash(program)
+        hub.changed()
+
+    def lag(self, source: str, target: str) -> float:
+        """Return how many seconds the next bytes take from one program to another."""
         return self._random.uniform(*self._delay)
 
     def split(self, data: bytes) -> list[bytes]:
@@ -254,10 +265,13 @@ class Direction:
         self._timer = self._death = None
 
     def _put(self, callback: Callable[[], object]) -> None:
-        self._last = max(self._last, self._loop.time() + self.connection.faults.lag())
+        self._last = max(self._last, self._loop.time() + self._lag())
         self._queue.append((self._last, callback))
         if self._timer is None:
             self._set_timer()
+
+    def _lag(self) -> float:
+        return self.connection.faults.lag(self._source, self._target)
 
     def _set_timer(self) -> None:
         if self._timer is not None:

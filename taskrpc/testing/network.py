@@ -99,11 +99,4 @@ class FaultyNetwork:
         asyncio tasks yourself.
         """
         self.happened["crashes"] += 1
-        gone = [address for address, each in self._hub.listeners.items() if each.program == program]
-        for address in gone:
-            del self._hub.listeners[address]
-        for network in [each for each in self._hub.entries if each.program == program]:
-            del self._hub.entries[network]
-        for connection in list(self._faults.connections):
-            connection.crash(program)
-        self._hub.changed()
+        self._faults.crash(program, self._hub)

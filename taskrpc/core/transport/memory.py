@@ -17,7 +17,7 @@ import msgspec
 
 from taskrpc.core.current_program import current_program
 from taskrpc.core.security.roles import account_of
-from taskrpc.core.transport.chance import present_chance
+from taskrpc.core.transport.chance import Chance, present_chance
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.core.transport.network import Address, Factory
 from taskrpc.core.transport.pipe import join
@@ -52,10 +52,13 @@ class Conditions(Protocol):
 
 
 class Hub:
-    """The registry that the endpoints of one loop and domain share."""
+    """The registry that the endpoints of one loop and domain share.
 
-    def __init__(self) -> None:
-        self.token = present_chance().randbytes(32)
+    `chance`: where its token comes from, by default that of the running loop.
+    """
+
+    def __init__(self, chance: Chance | None = None) -> None:
+        self.token = (chance or present_chance()).randbytes(32)
         self.entries: dict[MemoryNetwork, TrackedEntry] = {}
         self.listeners: dict[str, Listener] = {}
         """The listeners by address."""

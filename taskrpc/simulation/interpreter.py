@@ -1,0 +1,178 @@
+"""Prepares this interpreter for simulations; it cannot be used for anything else afterwards.
+
+`prepare` replaces threads, clocks, random bytes, event loops and output for the whole process. So
+simulations run in processes of their own, which `workers` starts.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import gc
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from taskrpc.simulation.clocks import Clocks
+from taskrpc.simulation.loop import Policy, SimulatedLoop
+from taskrpc.simulation.programs import Output, OwnModules, Process
+from taskrpc.simulation.stacks import Stack, Stacks
+from taskrpc.simulation.state import ModuleState
+from taskrpc.simulation.threads import replace_threads
+
+if TYPE_CHECKING:
+    from taskrpc.simulation.run import Run
+
+
+class Interpreter:
+    """The one interpreter of this process, and the run that uses it."""
+
+    def __init__(self) -> None:
+        self.stacks = Stacks()
+        self.run: Run | None = None
+        """The present run."""
+        self.state: ModuleState
+        """Set by `use_product`."""
+        self._entered: Process | None = None
+        self._outside: list[Any] = []
+
+    def process(self) -> Process | None:
+        """Return the process whose stack runs now; None outside of the stacks."""
+        stack = self.stacks.current
+        if stack is None or self.run is None:
+            return None
+        return self.run.processes.get(stack.program)
+
+    def enter(self, stack: Stack) -> None:
+        """Let the interpreter belong to the program of a stack."""
+        process = None if self.run is None else self.run.processes.get(stack.program)
+        if process is not self._entered:
+            self.leave()
+            if process is not None:
+                self._outside = self.state.take()
+                process.state = process.state or self.state.new()
+                self.state.put(process.state)
+                process.enter()
+            self._entered = process
+
+    def leave(self) -> None:
+        """Let the interpreter belong to no program."""
+        if self._entered is not None:
+            self._entered.leave()
+            self._entered.state = self.state.take()
+            self.state.put(self._outside)
+            self._entered = None
+
+    def thread_failed(self, error: BaseException | None) -> None:
+        """Report the exception that has ended the running thread."""
+        process = self.process()
+        if process is not None and self.run is not None and error is not None:
+            self.run.thread_failed(process, error)
+
+    def randbytes(self, n: int, /) -> bytes:
+        """Return random bytes for the running program."""
+        assert self.run is not None
+        return self.run.chance.randbytes(n)
+
+    def ahead(self) -> float:
+        """Return how far the wall clock of the running program is ahead, in seconds."""
+        return 0.0
+
+
+_interpreter: Interpreter | None = None
+
+
+def prepare() -> Interpreter:
+    """Prepare this process, once; returns its interpreter."""
+    global _interpreter
+    if _interpreter is not None:
+        return _interpreter
+    found = _interpreter = Interpreter()
+    replace_threads(found.stacks, found.stacks.present_handle)
+    Clocks(found.stacks, lambda: found).install()
+    sys.modules["uvloop"] = None  # type: ignore[assignment]
+    asyncio.set_event_loop_policy(Policy(found.stacks, lambda: _new_loop(found)))
+    real = sys.stdout, sys.stderr
+    sys.stdout, sys.stderr = (Output(found.process, stream) for stream in real)
+    sys.meta_path.insert(0, OwnModules(found.process))
+    _replace_process_functions(found)
+    threading.excepthook = lambda failed: found.thread_failed(failed.exc_value)
+    gc.disable()  # `Run` collects between runs
+    return found
+
+
+def _new_loop(interpreter: Interpreter) -> SimulatedLoop:
+    run = interpreter.run
+    assert run is not None
+    return SimulatedLoop(interpreter.stacks, run.chance, run.hubs)
+
+
+def _replace_process_functions(interpreter: Interpreter) -> None:
+    """Replace what a process has once: its number, its signals, the functions at its exit."""
+    pid, register, unregister = os.getpid, atexit.register, atexit.unregister
+    set_handler, handler = signal.signal, signal.getsignal
+
+    def getpid() -> int:
+        process = interpreter.process()
+        return pid() if process is None else process.pid
+
+    def register_function(function: Callable[..., Any], /, *given: Any, **named: Any) -> Any:
+        process = interpreter.process()
+        if process is None:
+            return register(function, *given, **named)
+        process.at_exit.append((function, given, named))
+        return function
+
+    def unregister_function(function: Callable[..., Any], /) -> None:
+        process = interpreter.process()
+        if process is None:
+            unregister(function)
+        else:
+            process.at_exit[:] = [each for each in process.at_exit if each[0] != function]
+
+    def signal_handler(number: int, action: Any, /) -> Any:
+        process = interpreter.process()
+        if process is None:
+            return set_handler(number, action)
+        before = process.handlers.get(number, signal.SIG_DFL)
+        process.handlers[number] = action
+        return before
+
+    def getsignal(number: int, /) -> Any:
+        process = interpreter.process()
+        if process is None:
+            return handler(number)
+        return process.handlers.get(number, signal.SIG_DFL)
+
+    os.getpid, atexit.register, atexit.unregister = getpid, register_function, unregister_function
+    signal.signal, signal.getsignal = signal_handler, getsignal
+
+
+def use_product(interpreter: Interpreter, folder: Path) -> None:
+    """Import what programs use, so that no run pays for it, and connect it with the runs."""
+    import importlib
+
+    from taskrpc.ros import hook
+    from taskrpc.spi import TRANSPORTS, Registration
+
+    hook.install(folder)
+    TRANSPORTS["tcp"] = Registration("taskrpc.simulation.network:open_network")
+    TRANSPORTS["memory"] = TRANSPORTS["tcp"]
+    for name in _IMPORTED:
+        importlib.import_module(name)
+    interpreter.state = ModuleState()
+
+
+_IMPORTED = (
+    "taskrpc.sync",
+    "taskrpc.actions",
+    "taskrpc.simulation.network",
+    "rclpy",
+    "rclpy.executors",
+    "rclpy.node",
+    "rclpy.action",
+)

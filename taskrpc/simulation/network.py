@@ -1,0 +1,38 @@
+"""The network of a simulation: connections in memory, with the delays and losses of its run."""
+
+from __future__ import annotations
+
+from taskrpc.simulation.choices import Choices
+from taskrpc.spi import MemoryNetwork, NetworkFaults, Settings, current_program
+
+
+def open_network(settings: Settings) -> MemoryNetwork:
+    """Return the network of the running program."""
+    return MemoryNetwork(
+        domain=settings.domain,
+        program=current_program.get(),
+        token=settings.token,
+        accounts=settings.account_source(),
+    )
+
+
+class RunNetwork(NetworkFaults):
+    """The connections of one run; what they do follows from its choices."""
+
+    def __init__(self, choices: Choices, delay: tuple[float, float]) -> None:
+        super().__init__(0, delay=delay, pieces=0, cut_after=0.0, refuse=0.0, dead_after=None)
+        self._choices = choices
+        self._range = delay
+        self._counts: dict[tuple[str, str], int] = {}
+        self.is_calm = False
+        """Whether faults are off."""
+
+    def lag(self, source: str, target: str) -> float:
+        """Return how many seconds the next bytes take to arrive."""
+        least, most = self._range
+        if self.is_calm or most == 0 or not self._choices.happens("delays", 1.0):
+            return 0.0
+        count = self._counts[source, target] = self._counts.get((source, target), 0) + 1
+        return self._choices.seconds(f"delay {count} {source} {target}", least, most)
+
+

@@ -1,0 +1,92 @@
+"""Connects the nodes of a run with its trace and its faults."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from taskrpc import Observer
+from taskrpc.errors import Code
+from taskrpc.simulation.world import CallRecord
+from taskrpc.spi import Fault
+from taskrpc.testing import CallFaults
+
+if TYPE_CHECKING:
+    from taskrpc import CallInfo
+    from taskrpc.simulation.run import Run
+
+_HIDDEN = ("/_", "/rosout")
+"""Services and topics that programs do not use themselves."""
+_OF_PARAMETERS = (
+    "/describe_parameters",
+    "/get_parameter_types",
+    "/get_parameters",
+    "/list_parameters",
+    "/set_parameters",
+    "/set_parameters_atomically",
+    "/get_type_description",
+)
+
+
+class RunObserver(Observer):
+    """Notes the calls of all nodes."""
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+
+    def request_began(self, service: str) -> Any:
+        """A program makes a call."""
+        return _Outgoing(self._run, service)
+
+    def call_began(self, call: CallInfo) -> None:
+        """A call has arrived."""
+        if (process := self._run.present()) is not None and not _is_hidden(call.service):
+            self._run.note("begin", call.service, process.name)
+            self._run.seen(process)
+
+
+class _Outgoing:
+    """One call of a program."""
+
+    span = b""
+
+    def __init__(self, run: Run, service: str) -> None:
+        self._run = run
+        self._process = run.present()
+        name = "" if self._process is None else self._process.name
+        self._record = CallRecord(name, service, run.now)
+        run.calls.append(self._record)
+        if self._process is not None and not _is_hidden(service):
+            run.note("call", service, name, run.where(self._process))
+
+    def ended(self, code: Code, seconds: float) -> None:
+        self._record.ok = code is Code.OK
+        if self._process is not None and not _is_hidden(self._record.service):
+            kind, text = ("answer", "") if self._record.ok else ("error", f" {code.name}")
+            self._run.note(kind, f"{self._record.service}{text}", self._process.name)  # type: ignore[arg-type]
+            self._run.seen(self._process)
+
+
+class RunFaults(CallFaults):
+    """Loses requests and responses as the choices of a run say."""
+
+    def __init__(self, run: Run) -> None:
+        super().__init__()
+        self.plan = _Plan(run)
+
+
+class _Plan:
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._counts: dict[str, int] = {}
+
+    def concerns(self, service: str) -> bool:
+        return not _is_hidden(service)
+
+    def next(self, service: str) -> Fault | None:
+        count = self._counts[service] = self._counts.get(service, 0) + 1
+        return self._run.fault_of_call(service, count)
+
+
+def _is_hidden(service: str) -> bool:
+    return service.startswith(_HIDDEN) or service.endswith(_OF_PARAMETERS)
+

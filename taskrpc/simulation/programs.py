@@ -1,0 +1,287 @@
+"""The programs of a run: each is loaded into modules of its own, and ends as a process does."""
+
+from __future__ import annotations
+
+import importlib.abc
+import importlib.machinery
+import importlib.util
+import io
+import itertools
+import random
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import CodeType, ModuleType
+from typing import Any, Final, Protocol
+
+from taskrpc.simulation.stacks import Stack, Stacks
+from taskrpc.simulation.threads import Handle
+from taskrpc.spi import current_program
+
+MAX_OUTPUT: Final = 1_000_000
+"""Characters that the programs of one run may write."""
+
+
+class Listener(Protocol):
+    """Is told what programs do."""
+
+    def printed(self, process: Process, line: str) -> None:
+        """A program has written a line."""
+
+    def ended(self, process: Process) -> None:
+        """The main function of a program, and its threads, have ended; or it was killed."""
+
+
+class Source:
+    """A program's file, compiled once for all runs, and the modules beside it."""
+
+    def __init__(self, file: Path, arguments: Sequence[str]) -> None:
+        self.file = file
+        self.arguments = list(arguments)
+        self._code: dict[str, CodeType] = {}
+
+    def code_of(self, path: str) -> CodeType:
+        """Return the compiled code of a file. Raises OSError and SyntaxError."""
+        code = self._code.get(path)
+        if code is None:
+            text = Path(path).read_bytes()
+            code = self._code[path] = compile(text, path, "exec", dont_inherit=True)
+        return code
+
+
+class Process:
+    """One life of a program, from a start to its end.
+
+    Args:
+        name: the name of the program in the scenario.
+        number: which start of the program this is, from 1.
+        source: its file.
+        stacks: the stacks of the run.
+        chance: for `random` in the program.
+        listener: is told what it does.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        number: int,
+        source: Source,
+        stacks: Stacks,
+        chance: random.Random,
+        listener: Listener,
+    ) -> None:
+        self.name = name
+        self.number = number
+        self.id = f"{name}#{number}"
+        """The value of `current_program`; unique in a run."""
+        self.source = source
+        self.modules: dict[str, ModuleType] = {"random": own_random(chance)}
+        """The modules that only this program has."""
+        self.exit_code: int | None = None
+        """None while it runs; -9 after it was killed."""
+        self.error: BaseException | None = None
+        """The exception that ended it."""
+        self.lines: list[str] = []
+        """What it has printed and logged."""
+        self.pid = 0
+        self.state: list[Any] = []
+        """Its values of `ModuleState`; [] before it first runs."""
+        self.folder = source.file.parent
+        self.is_gone = False
+        """Whether it has left the network."""
+        self.handlers: dict[int, Any] = {}
+        """Its signal handlers."""
+        self.at_exit: list[tuple[Callable[..., object], tuple[Any, ...], dict[str, Any]]] = []
+        self.main_ident = 0
+        self._next_thread = itertools.count(1).__next__
+        self._stacks = stacks
+        self._listener = listener
+        self._rest = ""
+        self._argv = [str(source.file), *source.arguments]
+
+    def start(self) -> None:
+        """Start the main thread."""
+        token = current_program.set(self.id)
+        try:
+            thread, handle = threading.Thread(target=self._main, name="MainThread"), Handle()
+            # Without `start`, which waits until the thread runs.
+            threading._limbo[thread] = thread  # type: ignore[attr-defined]
+            if hasattr(thread, "_handle"):
+                thread._handle = handle
+            self._stacks.start(thread._bootstrap, handle)  # type: ignore[attr-defined]
+            self.main_ident = handle.ident or 0
+        finally:
+            current_program.reset(token)
+
+    def _main(self) -> None:
+        self.exit_code = self._ran(self._execute)
+        self._join_threads()
+        for function, given, named in reversed(self.at_exit):
+            self._ran(lambda function=function, given=given, named=named: function(*given, **named))  # type: ignore[misc]
+        if self._rest:
+            self.write("\n")
+        self._listener.ended(self)
+
+    def write(self, text: str) -> None:
+        """Write to the program's output."""
+        if self.is_gone:
+            return
+        *lines, self._rest = (self._rest + text).split("\n")
+        for line in lines:
+            self._listener.printed(self, line)
+
+    def enter(self) -> None:
+        """Let the interpreter's modules and arguments be those of this program."""
+        sys.modules.update(self.modules)
+        sys.argv = self._argv
+        threading._counter = self._next_thread  # type: ignore[attr-defined]
+
+    def leave(self) -> None:
+        """Undo `enter`."""
+        for name in self.modules:
+            sys.modules.pop(name, None)
+
+    def _execute(self) -> None:
+        path = str(self.source.file)
+        main = ModuleType("__main__")
+        main.__file__ = path
+        main.__dict__["__builtins__"] = __builtins__
+        self.modules["__main__"] = sys.modules["__main__"] = main
+        exec(self.source.code_of(path), vars(main))
+
+    def _ran(self, action: Callable[[], object]) -> int:
+        """Run an action, report its exception, and return the exit code that it causes."""
+        try:
+            action()
+        except SystemExit as end:
+            if end.code is None or isinstance(end.code, int):
+                return end.code or 0
+            self.write(f"{end.code}\n")
+            return 1
+        except Exception as error:
+            self.error = error
+            self.write(explained(error, self.source.file.parent))
+            return 1
+        return 0
+
+    def _join_threads(self) -> None:
+        idents = {stack.ident for stack in self._stacks.of(self.id)}
+        for thread in threading.enumerate():
+            if thread.ident in idents and not thread.daemon and thread.ident != self.main_ident:
+                thread.join()
+
+
+def own_random(chance: random.Random) -> ModuleType:
+    """Return a module `random` whose functions draw from `chance`."""
+
+    class OwnRandom(random.Random):
+        def __init__(self, x: Any = None) -> None:
+            super().__init__(chance.getrandbits(64) if x is None else x)
+
+    module = ModuleType("random", random.__doc__)
+    for name in random.__all__:
+        setattr(module, name, getattr(chance, name, getattr(random, name)))
+    module.Random = OwnRandom  # type: ignore[attr-defined]
+    return module
+
+
+class OwnModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """Finds the modules beside the running program; they belong to this program alone."""
+
+    def __init__(self, present: Callable[[], Process | None]) -> None:
+        self._present = present
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        """Find a module in the program's folder."""
+        process = self._present()
+        if process is None:
+            return None
+        folder = process.source.file.parent
+        place = folder.joinpath(*fullname.split("."))
+        if (file := place.with_suffix(".py")).is_file():
+            return importlib.util.spec_from_file_location(fullname, file, loader=self)
+        if (file := place / "__init__.py").is_file():
+            return importlib.util.spec_from_file_location(
+                fullname, file, loader=self, submodule_search_locations=[str(place)]
+            )
+        return None
+
+    def create_module(self, spec: importlib.machinery.ModuleSpec) -> ModuleType | None:
+        """Use the default."""
+        return None
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Run the module's code."""
+        process = self._present()
+        assert process is not None
+        process.modules[module.__name__] = module
+        exec(process.source.code_of(module.__file__ or ""), vars(module))
+
+
+class Output(io.TextIOBase):
+    """`sys.stdout` and `sys.stderr`: writes to the output of the running program.
+
+    What other code writes goes to the real stream.
+    """
+
+    encoding = "utf-8"
+
+    def __init__(self, present: Callable[[], Process | None], real: Any) -> None:
+        self._present = present
+        self._real = real
+
+    def write(self, text: str) -> int:
+        """Write text."""
+        process = self._present()
+        if process is None:
+            self._real.write(text)
+        else:
+            process.write(text)
+        return len(text)
+
+    def flush(self) -> None:
+        """Do nothing, or flush the real stream."""
+        if self._present() is None:
+            self._real.flush()
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
+
+    def fileno(self) -> int:
+        """Return the number of the real stream."""
+        number: int = self._real.fileno()
+        return number
+
+
+def explained(error: BaseException, folder: Path) -> str:
+    """Return an exception with the lines of the user's files only."""
+    told = traceback.TracebackException.from_exception(error)
+    _keep_own_lines(told, str(folder), set())
+    return "".join(told.format())
+
+
+def _keep_own_lines(
+    told: traceback.TracebackException | None, folder: str, seen: set[int]
+) -> None:
+    if told is None or id(told) in seen:
+        return
+    seen.add(id(told))
+    own = [frame for frame in told.stack if frame.filename.startswith(folder)]
+    told.stack = traceback.StackSummary.from_list(own)
+    _keep_own_lines(told.__cause__, folder, seen)
+    _keep_own_lines(told.__context__, folder, seen)
+
+
+def own_line(stack: Stack, folder: str) -> tuple[str, int] | None:
+    """Return the file and line of the user's code where a suspended stack is."""
+    frame = stack.greenlet.gr_frame
+    while frame is not None:
+        if frame.f_code.co_filename.startswith(folder):
+            return frame.f_code.co_filename, frame.f_lineno
+        frame = frame.f_back
+    return None

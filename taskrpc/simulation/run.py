@@ -1,0 +1,324 @@
+"""One run of a scenario: it starts the programs, lets faults happen, and looks at what they do."""
+
+from __future__ import annotations
+
+import contextvars
+import gc
+import random
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+
+from taskrpc.node import Node
+from taskrpc.simulation.choices import Choices
+from taskrpc.simulation.interpreter import Interpreter
+from taskrpc.simulation.network import RunNetwork
+from taskrpc.simulation.observing import RunFaults, RunObserver
+from taskrpc.simulation.programs import Process, Source, explained, own_line
+from taskrpc.simulation.scenario import ProgramEntry, Scenario
+from taskrpc.simulation.stacks import Stack, Stop
+from taskrpc.simulation.trace import Event, Kind, Trace
+from taskrpc.simulation.world import CallRecord, World
+from taskrpc.spi import Fault, FaultKind, Hub, current_program
+
+START_WITHIN: Final = 0.5
+"""Seconds within which all programs start."""
+
+MAX_EVENTS: Final = 100_000
+"""Events after which a run counts as one that never ends."""
+
+_MAX_CRASHES = 2
+_CRASH_SHARES = (0.0, 0.02, 0.08, 0.25)
+"""The shares of a program's events at which it is killed; each run draws one of them."""
+
+
+class Failure(msgspec.Struct, frozen=True):
+    """Why a run failed."""
+
+    kind: str
+    """What was found, in a few words: `invariant one_motion_at_a_time`, `exception in client`."""
+    text: str
+    """The message, or the traceback of the user's files."""
+
+
+class Result(msgspec.Struct, frozen=True):
+    """What a run was."""
+
+    seed: int
+    failure: Failure | None
+    faults: tuple[str, ...]
+    """The names of the faults that happened, in their order."""
+    hash: str
+    shape: int
+    seconds: float
+    """Virtual seconds."""
+    events: tuple[Event, ...] = ()
+    """All events, if the run was told to keep them."""
+
+
+class Run:
+    """One run; `play` does it.
+
+    Args:
+        interpreter: the prepared interpreter.
+        scenario: what to run.
+        sources: the programs' files.
+        choices: all chance.
+        tells: whether the events name the lines of the programs.
+    """
+
+    def __init__(
+        self,
+        interpreter: Interpreter,
+        scenario: Scenario,
+        sources: dict[str, Source],
+        choices: Choices,
+        *,
+        tells: bool = False,
+    ) -> None:
+        self.processes: dict[str, Process] = {}
+        """By the values of `current_program`."""
+        self.chance = choices.chance("product")
+        """For taskrpc's own ids, secrets and waits."""
+        self.hubs: dict[int, Hub] = {}
+        self.trace = Trace()
+        self.calls: list[CallRecord] = []
+        self.messages: dict[str, list[Any]] = {}
+        self.faults_happened: list[str] = []
+        self.failure: Failure | None = None
+        self._interpreter = interpreter
+        self._stacks = interpreter.stacks
+        self._scenario = scenario
+        self._sources = sources
+        self._choices = choices
+        self._tells = tells
+        self._network = RunNetwork(choices, scenario.fault_settings.delay)
+        self._world = World(self)
+        self._visible = 0
+        """Events that the checks have seen."""
+        self._printed = 0
+        self._events_of: dict[str, int] = {}
+        self._crashes: dict[str, int] = {}
+        self._doomed: list[Process] = []
+        """Programs to kill after the present step."""
+        self._coming: list[tuple[float, ProgramEntry, int]] = []
+        """Programs that will start, with the time and the number of the start."""
+        self.is_calm = False
+        """Whether faults are off."""
+
+    # What the programs do
+
+    @property
+    def now(self) -> float:
+        """Virtual seconds since the begin."""
+        return self._stacks.now
+
+    def hub(self, domain: int) -> Hub:
+        """Return the hub of a domain."""
+        return self.hubs[domain]
+
+    def note(self, kind: Kind, text: str, program: str = "", where: str = "") -> None:
+        """Add an event."""
+        self.trace.add(Event(self.now, program, kind, text, where))
+
+    def present(self) -> Process | None:
+        """Return the process that runs now."""
+        return self.processes.get(current_program.get())
+
+    def where(self, process: Process) -> str:
+        """Return the line of the program's own code that is being run, if the run tells it."""
+        if not self._tells:
+            return ""
+        folder = str(process.source.file.parent)
+        frame = sys._getframe(1)
+        while frame is not None:
+            if frame.f_code.co_filename.startswith(folder):
+                return f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}"
+            frame = frame.f_back  # type: ignore[assignment]
+        for stack in self._stacks.of(process.id):
+            if (line := own_line(stack, folder)) is not None:
+                return f"{Path(line[0]).name}:{line[1]}"
+        return ""
+
+    def printed(self, process: Process, line: str) -> None:
+        """A program has written a line."""
+        self._printed += len(line)
+        process.lines.append(line)
+        self._happened("print", line, process)
+
+    def ended(self, process: Process) -> None:
+        """A program has ended."""
+        if process.error is not None:
+            self.fail(f"exception in {process.name}", explained(process.error, process.folder))
+            self._happened("raise", type(process.error).__name__, process)
+        else:
+            self._happened("end", f"ends with {process.exit_code}", process)
+        self._doomed.append(process)
+
+    def thread_failed(self, process: Process, error: BaseException) -> None:
+        """An exception has ended a thread of a program, and the program goes on."""
+        if process.is_gone or isinstance(error, SystemExit):
+            return
+        text = explained(error, process.folder)
+        process.write(text)
+        self.fail(f"exception in a thread of {process.name}", text)
+
+    def fault(self, name: str, program: str) -> None:
+        """A fault has happened."""
+        self.faults_happened.append(name)
+        self.note("fault", name, program)
+
+    def fault_of_call(self, service: str, count: int) -> Fault | None:
+        """Return the fault of a call, the `count`th that arrived at a service."""
+        if self.is_calm:
+            return None
+        settings, process = self._scenario.fault_settings, self.present()
+        for words, share, kind in (
+            ("request", settings.lose_requests, FaultKind.LOSE_REQUEST),
+            ("response", settings.lose_responses, FaultKind.LOSE_RESPONSE),
+        ):
+            name = f"lose {words} {count} of {service}"
+            if self._choices.happens(name, share):
+                self.fault(name, "" if process is None else process.name)
+                return Fault(kind)
+        return None
+
+    def _happened(self, kind: Kind, text: str, process: Process) -> None:
+        self.note(kind, text, process.name, self.where(process))
+        self.seen(process)
+
+    def seen(self, process: Process) -> None:
+        """Count what a program did, and decide whether it is killed now."""
+        name = process.name
+        if name not in self._scenario.fault_settings.crash or self.is_calm:
+            return
+        count = self._events_of[name] = self._events_of.get(name, 0) + 1
+        share = self._crash_share(name)
+        fault = f"kill {name} at its event {count}"
+        if self._crashes.get(name, 0) < _MAX_CRASHES and self._choices.happens(fault, share):
+            self._crashes[name] = self._crashes.get(name, 0) + 1
+            self.faults_happened.append(fault)
+            self._doomed.append(process)
+
+    def _crash_share(self, name: str) -> float:
+        return _CRASH_SHARES[
+            int(self._choices.fraction(f"kill {name}") * len(_CRASH_SHARES))
+        ]
+
+    # The run
+
+    def play(self) -> Result:
+        """Run the scenario to its end."""
+        interpreter, stacks = self._interpreter, self._stacks
+        interpreter.run = self
+        stacks.enter = interpreter.enter
+        Node.default_observer, Node.default_faults = RunObserver(self), RunFaults(self)
+        for domain in range(1):
+            hub = self.hubs[domain] = Hub(self.chance)
+            hub.conditions = self._network
+        try:
+            self._plan_starts()
+            self._advance(self._scenario.duration)
+            self._check_at_end()
+        finally:
+            for process in self.processes.values():
+                process.is_gone = True
+            stacks.reset()
+            interpreter.leave()
+            interpreter.run = None
+        events = tuple(self.trace.events) if self._tells else ()
+        return Result(
+            self._choices.seed,
+            self.failure,
+            tuple(dict.fromkeys(self.faults_happened)),
+            self.trace.hash(),
+            self.trace.shape(),
+            self.now,
+            events,
+        )
+
+    def fail(self, kind: str, text: str) -> None:
+        """Let the run fail; the first failure counts."""
+        if self.failure is None:
+            self.failure = Failure(kind, text)
+
+    def _plan_starts(self) -> None:
+        for index, entry in enumerate(self._scenario.programs):
+            when = 0.1 * index
+            if self._choices.happens("order of starts", 1.0):
+                when = self._choices.seconds(f"start {entry.name}", 0.0, START_WITHIN)
+            self._coming.append((when, entry, 1))
+
+    def _advance(self, until: float) -> None:
+        """Let the programs run until a time, or until they have ended or failed."""
+        stacks = self._stacks
+        while self.failure is None and self.now < until:
+            self._start_due()
+            begin = min((when for when, _, _ in self._coming), default=until)
+            stop = stacks.run(min(until, begin), self._choices.next, self._watch)
+            self._end_doomed()
+            if stop is Stop.IDLE:
+                if not self._coming:
+                    return
+                stacks.now = max(stacks.now, begin)
+
+    def _start_due(self) -> None:
+        due = sorted(each for each in self._coming if each[0] <= self.now)
+        for each in due:
+            self._coming.remove(each)
+            self._start(each[1], each[2])
+
+    def _start(self, entry: ProgramEntry, number: int) -> None:
+        chance = self._choices.chance(f"random of {entry.name} {number}")
+        process = Process(entry.name, number, self._sources[entry.name], self._stacks, chance, self)
+        process.pid = 1000 * (1 + len(self.processes))
+        self.processes[process.id] = process
+        self.note("start", "starts" if number == 1 else "starts again", entry.name)
+        process.start()
+
+    def _watch(self, stack: Stack) -> bool:
+        """Look at what a step has done; returns whether to stop the stacks."""
+        events = self.trace.events
+        if len(events) != self._visible:
+            self._visible = len(events)
+            if len(events) > MAX_EVENTS:
+                self.fail("endless work", f"more than {MAX_EVENTS} events in {self.now:.1f} s")
+            self._check(self._scenario.always_checks)
+        return bool(self._doomed) or self.failure is not None
+
+    def _end_doomed(self) -> None:
+        doomed, self._doomed = self._doomed, []
+        for process in doomed:
+            if process.is_gone:
+                continue
+            process.is_gone = True
+            if process.exit_code is None:
+                process.exit_code = -9
+                self.note("crash", "is killed", process.name)
+                restart = self._scenario.fault_settings.restart
+                if restart is not None:
+                    wait = self._choices.seconds(f"restart {process.id}", *restart)
+                    entry = next(
+                        each for each in self._scenario.programs if each.name == process.name
+                    )
+                    self._coming.append((self.now + wait, entry, process.number + 1))
+            for stack in self._stacks.of(process.id):
+                self._stacks.kill(stack)
+            for hub in self.hubs.values():
+                self._network.crash(process.id, hub)
+
+    def _check(self, checks: Sequence[Any]) -> None:
+        for check in checks:
+            try:
+                check(self._world)
+            except Exception as error:
+                words = str(error) or type(error).__name__
+                self.fail(f"{check.__name__}", f"{words}\n{explained(error, self._world.folder)}")
+
+    def _check_at_end(self) -> None:
+        self.is_calm = self._network.is_calm = True
+        if self.failure is None:
+            self._check(self._scenario.final_checks)

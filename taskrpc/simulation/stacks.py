@@ -1,0 +1,245 @@
+"""Stacks on greenlets, and their clock: one runs until it waits, and the clock jumps.
+
+Nothing here knows what the stacks do. Which of the ready ones runs next is decided by a function,
+so that the same decisions give the same run.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import heapq
+import math
+from collections.abc import Callable
+from contextvars import copy_context
+from enum import Enum
+from typing import Final
+
+from greenlet import GreenletExit, getcurrent, greenlet
+
+from taskrpc.simulation.threads import Handle, Waiter
+from taskrpc.spi import current_program
+
+STEP: Final = 1e-6
+"""Seconds of virtual time that a stack runs until it waits."""
+
+_FIRST_IDENT = 1000
+
+
+class Stack:
+    """One thread of one program."""
+
+    def __init__(self, ident: int, program: str, handle: Handle) -> None:
+        self.ident = ident
+        self.program = program
+        """The value of `current_program`."""
+        self.handle = handle
+        self.waiter: StackWaiter | None = None
+        """The wait that it is in; None while it is ready or runs."""
+        self.is_dead = False
+        self.greenlet: greenlet
+        self.running_loop: asyncio.AbstractEventLoop | None = None
+        self.own_loop: asyncio.AbstractEventLoop | None = None
+        """What `asyncio.set_event_loop` has set."""
+
+
+class StackWaiter:
+    """One wait of a stack."""
+
+    __slots__ = ("_is_over", "_stacks", "is_granted", "stack")
+
+    def __init__(self, stacks: Stacks, stack: Stack) -> None:
+        self._stacks = stacks
+        self.stack = stack
+        self._is_over = False
+        self.is_granted = False
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the wait has ended."""
+        return self._is_over
+
+    def wake(self, *, granted: bool) -> bool:
+        """End the wait; returns False if it has ended already."""
+        if self._is_over:
+            return False
+        self._is_over, self.is_granted = True, granted
+        if not self.stack.is_dead:
+            self._stacks.make_ready(self.stack)
+        return True
+
+
+class Stop(Enum):
+    """Why `Stacks.run` has returned."""
+
+    TIME = "the time is over"
+    IDLE = "nothing will ever happen"
+    ASKED = "the watcher asked for it"
+
+
+Choose = Callable[[list[Stack]], int]
+"""Returns which of two or more ready stacks runs next; the list is in order of becoming ready."""
+
+
+class Stacks:
+    """All stacks of a simulation, and their clock; the `Scheduler` of their threads."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+        """Virtual seconds since the begin of the run."""
+        self.current: Stack | None = None
+        """The running stack; None outside of the stacks."""
+        self.all: dict[int, Stack] = {}
+        self.steps = 0
+        """How often a stack has run until it waited."""
+        self.slowness: dict[str, float] = {}
+        """Seconds of virtual time for a step of some programs, instead of `STEP`."""
+        self.enter: Callable[[Stack], object] = _ignore_stack
+        """Is called before a stack runs."""
+        self._hub = getcurrent()
+        self._ready: list[Stack] = []
+        self._timers: list[tuple[float, int, StackWaiter]] = []
+        self._numbers = 0
+        self._last_ident = _FIRST_IDENT
+        self._is_over = False
+
+    def reset(self) -> None:
+        """Begin a new run: end all stacks, and set the clock to zero.
+
+        Python code of the stacks still runs here: `finally`, `except` and the ends of `with`. Each
+        wait in it ends at once with `GreenletExit`.
+        """
+        self._is_over = True
+        for stack in list(self.all.values()):
+            self.kill(stack)
+            for _ in range(50):  # a stack may catch the exception and wait again
+                if stack.greenlet.dead:
+                    break
+                self._switch(stack, GreenletExit)
+        self.__init__()  # type: ignore[misc]
+
+    # The scheduler of the threads
+
+    def get_ident(self) -> int:
+        """Return the number of the running stack, 1 outside of the stacks."""
+        return 1 if self.current is None else self.current.ident
+
+    def present_handle(self) -> Handle | None:
+        """Return the handle of the running stack."""
+        return None if self.current is None else self.current.handle
+
+    def start(self, run: Callable[[], object], handle: Handle) -> None:
+        """Start a stack, in a copy of the caller's context."""
+        self._last_ident += 1
+        handle.ident = self._last_ident
+        stack = Stack(handle.ident, current_program.get(), handle)
+
+        def live() -> None:
+            try:
+                if not stack.is_dead:
+                    run()
+            except GreenletExit:
+                pass
+            finally:
+                self.all.pop(stack.ident, None)
+                handle.end()
+
+        stack.greenlet = greenlet(live, self._hub)
+        stack.greenlet.gr_context = copy_context()
+        self.all[stack.ident] = stack
+        self._ready.append(stack)
+
+    def wait(self, begin: Callable[[Waiter], object], timeout: float | None) -> bool:
+        """Let others run until the waiter that `begin` gets is woken, or for `timeout` seconds."""
+        me = self.current
+        if me is None:
+            raise RuntimeError("the code around the programs wants to wait")
+        if self._is_over or me.is_dead:
+            raise GreenletExit
+        waiter = StackWaiter(self, me)
+        begin(waiter)
+        if timeout == 0:
+            waiter.wake(granted=False)
+        elif timeout is not None:
+            self._numbers += 1
+            heapq.heappush(self._timers, (self.now + timeout, self._numbers, waiter))
+        me.waiter = waiter
+        self._hub.switch()
+        me.waiter = None
+        if me.is_dead:
+            raise GreenletExit
+        return waiter.is_granted
+
+    def sleep(self, seconds: float) -> None:
+        """Let others run for some time; takes the place of `time.sleep`."""
+        if seconds < 0:
+            raise ValueError("sleep length must be non-negative")
+        self.wait(_ignore, seconds)
+
+    def let_others_run(self) -> None:
+        """Do nothing: a stack runs until it waits."""
+
+    # The run
+
+    def make_ready(self, stack: Stack) -> None:
+        """Let a stack that waits run again."""
+        self._ready.append(stack)
+
+    def kill(self, stack: Stack) -> None:
+        """Let a stack never run again."""
+        stack.is_dead = True
+        if stack in self._ready:
+            self._ready.remove(stack)
+
+    def of(self, program: str) -> list[Stack]:
+        """Return the living stacks of a program, the oldest first."""
+        return [each for each in self.all.values() if each.program == program and not each.is_dead]
+
+    def run(self, until: float, choose: Choose, watch: Callable[[Stack], bool]) -> Stop:
+        """Run the stacks until a time, or until nothing can happen any more.
+
+        `watch` is called after each step with the stack that ran; it returns True to stop.
+        """
+        ready, timers = self._ready, self._timers
+        while True:
+            while timers and (timers[0][0] <= self.now or timers[0][2].is_over):
+                heapq.heappop(timers)[2].wake(granted=False)
+            if not ready:
+                if not timers:
+                    return Stop.IDLE
+                if timers[0][0] > until:
+                    self.now = until
+                    return Stop.TIME
+                self.now = timers[0][0]
+                continue
+            stack = ready.pop(choose(ready) if len(ready) > 1 else 0)
+            self._switch(stack)
+            self.steps += 1
+            # The clock must move even where adding a step would not change it.
+            step = self.slowness.get(stack.program, STEP)
+            self.now = max(self.now + step, math.nextafter(self.now, math.inf))
+            if watch(stack):
+                return Stop.ASKED
+            if self.now > until:
+                return Stop.TIME
+
+    def _switch(self, stack: Stack, *error: type[BaseException]) -> None:
+        self.current = stack
+        self.enter(stack)
+        asyncio._set_running_loop(stack.running_loop)
+        try:
+            if error:
+                stack.greenlet.throw(*error)
+            else:
+                stack.greenlet.switch()
+        finally:
+            stack.running_loop = asyncio._get_running_loop()
+            asyncio._set_running_loop(None)
+            self.current = None
+
+
+def _ignore(_: Waiter) -> None:
+    """Begin a wait that only its timeout ends."""
+
+
+def _ignore_stack(_: Stack) -> None:
+    """Do nothing before a stack runs."""

@@ -1,0 +1,69 @@
+"""What the checks of a scenario may ask about a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+if TYPE_CHECKING:
+    from taskrpc.simulation.run import Run
+
+
+class CallRecord(msgspec.Struct):
+    """One call that a program made."""
+
+    program: str
+    service: str
+    began: float
+    ok: bool | None = None
+    """True once it got its response, False once it ended with an error."""
+
+
+class World:
+    """The state of a run, for the functions of `always` and `finally_`."""
+
+    folder = Path(".")
+    """The folder of the scenario's file."""
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+
+    @property
+    def time(self) -> float:
+        """Virtual seconds since the begin of the run."""
+        return self._run.now
+
+    def calls(self, service: str, ok: bool | None = None) -> int:
+        """Return how many calls of a service programs began.
+
+        With `ok=True`, only those that got a response; with `ok=False`, only those that ended with
+        an error.
+        """
+        name = service if service.startswith("/") else f"/{service}"
+        return sum(
+            each.service == name and (ok is None or each.ok is ok) for each in self._run.calls
+        )
+
+    def lines(self, program: str) -> list[str]:
+        """Return the lines that a program printed or logged, over all its starts."""
+        return [
+            line
+            for each in self._run.processes.values()
+            if each.name == program
+            for line in each.lines
+        ]
+
+    def count(self, program: str, text: str) -> int:
+        """Return how many lines of a program contain a text."""
+        return sum(text in line for line in self.lines(program))
+
+    def messages(self, topic: str) -> list[Any]:
+        """Return the messages that were published on a topic."""
+        name = topic if topic.startswith("/") else f"/{topic}"
+        return self._run.messages.get(name, [])
+
+    def starts(self, program: str) -> int:
+        """Return how often a program was started."""
+        return sum(each.name == program for each in self._run.processes.values())
