@@ -52,15 +52,19 @@ class _Outgoing:
     def __init__(self, run: Run, service: str) -> None:
         self._run = run
         self._process = run.present()
-        name = "" if self._process is None else self._process.name
-        self._record = CallRecord(name, service, run.now)
+        name, process, where, hidden = "", "", "", _is_hidden(service)
+        if self._process is not None:
+            name, process, where = self._process.name, self._process.id, run.where(self._process)
+            if not hidden:
+                run.note("call", service, name, where)
+                run.seen(self._process)
+        count = len(run.trace.events)
+        self._record = CallRecord(name, process, service, run.now, count, where, hidden)
         run.calls.append(self._record)
-        if self._process is not None and not _is_hidden(service):
-            run.note("call", service, name, run.where(self._process))
 
     def ended(self, code: Code, seconds: float) -> None:
         self._record.ok = code is Code.OK
-        if self._process is not None and not _is_hidden(self._record.service):
+        if self._process is not None and not self._record.is_hidden:
             kind, text = ("answer", "") if self._record.ok else ("error", f" {code.name}")
             self._run.note(kind, f"{self._record.service}{text}", self._process.name)  # type: ignore[arg-type]
             self._run.seen(self._process)

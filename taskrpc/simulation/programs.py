@@ -85,6 +85,8 @@ class Process:
         """The exception that ended it."""
         self.lines: list[str] = []
         """What it has printed and logged."""
+        self.last_event = 0
+        """How many events the run had when this program last did something visible."""
         self.pid = 0
         self.state: list[Any] = []
         """Its values of `ModuleState`; [] before it first runs."""
@@ -116,7 +118,10 @@ class Process:
             current_program.reset(token)
 
     def _main(self) -> None:
-        self.exit_code = self._ran(self._execute)
+        code = self._ran(self._execute)
+        if self.is_gone:
+            return
+        self.exit_code = code
         self._join_threads()
         for function, given, named in reversed(self.at_exit):
             self._ran(lambda function=function, given=given, named=named: function(*given, **named))  # type: ignore[misc]

@@ -13,6 +13,7 @@ from typing import Any, Final
 import msgspec
 
 from taskrpc.node import Node
+from taskrpc.simulation import ends
 from taskrpc.simulation.choices import Choices
 from taskrpc.simulation.interpreter import Interpreter
 from taskrpc.simulation.network import RunNetwork
@@ -193,6 +194,7 @@ class Run:
     def seen(self, process: Process) -> None:
         """Count what a program did, and decide whether it is killed now."""
         name = process.name
+        process.last_event = len(self.trace.events)
         if name not in self._scenario.fault_settings.crash or self.is_calm:
             return
         count = self._events_of[name] = self._events_of.get(name, 0) + 1
@@ -322,3 +324,27 @@ class Run:
         self.is_calm = self._network.is_calm = True
         if self.failure is None:
             self._check(self._scenario.final_checks)
+        if self.failure is None:
+            self._look_for_waits()
+
+    def _look_for_waits(self) -> None:
+        """Find programs that wait for ever."""
+        if threads := ends.circle(self._stacks, self.processes):
+            self.fail("deadlock", threads)
+        for process in self.processes.values():
+            if process.is_gone:
+                continue
+            if words := ends.stuck(self._stacks, process):
+                self.fail("a callback that never ends", words)
+            self._look_for_calls(process)
+
+    def _look_for_calls(self, process: Process) -> None:
+        """Find a call without a response that a program still waits for."""
+        for call in self.calls:
+            if call.ok is not None or call.process != process.id or call.is_hidden:
+                continue
+            if process.last_event <= call.began_at and self.now - call.began > ends.SILENCE:
+                since = f"since {call.began:.2f} s"
+                where = f" at {call.where}" if call.where else ""
+                words = f"{process.name} waits{where} for the response of {call.service} {since}"
+                self.fail("a call that nobody answers", f"{words}, and does nothing else")

@@ -45,13 +45,15 @@ class Stack:
 class StackWaiter:
     """One wait of a stack."""
 
-    __slots__ = ("_is_over", "_stacks", "is_granted", "stack")
+    __slots__ = ("_is_over", "_stacks", "has_timeout", "is_granted", "reason", "stack")
 
     def __init__(self, stacks: Stacks, stack: Stack) -> None:
         self._stacks = stacks
         self.stack = stack
         self._is_over = False
         self.is_granted = False
+        self.has_timeout = False
+        self.reason: object = None
 
     @property
     def is_over(self) -> bool:
@@ -160,6 +162,7 @@ class Stacks:
         if timeout == 0:
             waiter.wake(granted=False)
         elif timeout is not None:
+            waiter.has_timeout = True
             self._numbers += 1
             heapq.heappush(self._timers, (self.now + timeout, self._numbers, waiter))
         me.waiter = waiter

@@ -25,6 +25,9 @@ _HAS_HANDLES: Final = sys.version_info >= (3, 13)
 class Waiter(Protocol):
     """One wait of one stack; it ends once."""
 
+    reason: object
+    """What the stack waits for, if that is a lock; else None."""
+
     def wake(self, *, granted: bool) -> bool:
         """End the wait; returns False if it has ended already.
 
@@ -63,16 +66,26 @@ class Lock:
     def __init__(self) -> None:
         self._locked = False
         self._waiters: deque[Waiter] = deque()
+        self.owner = 0
+        """The number of the stack that took it last."""
 
     def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
         """Take the lock; returns False after the timeout, or at once if not `blocking`."""
         _scheduler.let_others_run()
         if not self._locked:
             self._locked = True
+            self.owner = _scheduler.get_ident()
             return True
         if not blocking or timeout == 0:
             return False
-        return _scheduler.wait(self._waiters.append, None if timeout < 0 else timeout)
+        if _scheduler.wait(self._begin_wait, None if timeout < 0 else timeout):
+            self.owner = _scheduler.get_ident()
+            return True
+        return False
+
+    def _begin_wait(self, waiter: Waiter) -> None:
+        waiter.reason = self
+        self._waiters.append(waiter)
 
     def release(self) -> None:
         """Free the lock."""

@@ -15,8 +15,17 @@ class CallRecord(msgspec.Struct):
     """One call that a program made."""
 
     program: str
+    process: str
+    """The value of `current_program`."""
     service: str
     began: float
+    """Virtual seconds."""
+    began_at: int
+    """How many events the run had then."""
+    where: str
+    """The program's line, if the run tells it."""
+    is_hidden: bool
+    """Whether taskrpc makes it by itself."""
     ok: bool | None = None
     """True once it got its response, False once it ended with an error."""
 

@@ -1,0 +1,103 @@
+"""What is wrong with the programs that have not ended when nothing more happens."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import FrameType
+from typing import Final
+
+from taskrpc.simulation.programs import Process
+from taskrpc.simulation.stacks import Stack, Stacks
+from taskrpc.simulation.threads import Lock
+
+SILENCE: Final = 10.0
+"""Seconds without anything visible after which a waiting program counts as one that waits for
+ever."""
+
+_SERVING = frozenset({"spin", "spin_once", "spin_until_future_complete", "run_forever", "_run_once"})
+"""Functions in which a program waits for what others send."""
+
+
+class Waiting:
+    """One thread that waits, and where."""
+
+    def __init__(self, process: Process, stack: Stack) -> None:
+        self.process = process
+        self.stack = stack
+        self.inner: list[str] = []
+        """The functions between the program's line and the wait, the innermost first."""
+        self.line = ""
+        """The program's line, such as `client.py:12`; "" if it runs none of its own."""
+        self.is_callback = False
+        """Whether taskrpc called the program's function."""
+        self._look(stack.greenlet.gr_frame, str(process.folder))
+
+    def _look(self, frame: FrameType | None, folder: str) -> None:
+        own = False
+        while frame is not None:
+            if frame.f_code.co_filename.startswith(folder):
+                if not own:
+                    own = True
+                    self.line = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}"
+                self.is_callback = False
+            elif not own:
+                self.inner.append(frame.f_code.co_name)
+            elif frame.f_code.co_name in _SERVING:
+                self.is_callback = True
+            frame = frame.f_back
+
+    @property
+    def has_timeout(self) -> bool:
+        """Whether the wait ends by itself."""
+        return self.stack.waiter is None or self.stack.waiter.has_timeout
+
+    @property
+    def serves(self) -> bool:
+        """Whether it waits for what others send."""
+        return not _SERVING.isdisjoint(self.inner)
+
+
+def circle(stacks: Stacks, processes: dict[str, Process]) -> str:
+    """Return the threads that wait for each other's locks, "" if there are none."""
+    for begin in stacks.all.values():
+        chain: list[Stack] = []
+        stack: Stack | None = begin
+        while stack is not None and stack not in chain:
+            chain.append(stack)
+            lock = waited_for(stack)
+            stack = None if lock is None else stacks.all.get(lock.owner)
+        if stack is begin and (len(chain) > 1 or _takes_twice(stack, processes)):
+            return "; ".join(_holds(each, processes) for each in chain)
+    return ""
+
+
+def waited_for(stack: Stack) -> Lock | None:
+    """Return the lock for which a stack waits without a timeout."""
+    waiter = stack.waiter
+    if waiter is None or waiter.has_timeout or not isinstance(waiter.reason, Lock):
+        return None
+    return waiter.reason
+
+
+def _takes_twice(stack: Stack, processes: dict[str, Process]) -> bool:
+    """Whether a stack takes a lock that it has; a wait for a condition does that on purpose."""
+    inner = Waiting(processes[stack.program], stack).inner
+    return inner[-1:] in (["acquire"], ["__enter__"])
+
+
+def _holds(stack: Stack, processes: dict[str, Process]) -> str:
+    process = processes[stack.program]
+    where = Waiting(process, stack).line or "taskrpc"
+    lock = waited_for(stack)
+    assert lock is not None
+    return f"a thread of {process.name} waits at {where} for a lock that another of them holds"
+
+
+def stuck(stacks: Stacks, process: Process) -> str:
+    """Return where a program waits for ever, "" if it does not."""
+    waits = [Waiting(process, stack) for stack in stacks.of(process.id)]
+    for each in waits:
+        if each.line and not each.has_timeout and not each.serves and each.is_callback:
+            return f"a callback of {process.name} waits for ever at {each.line}"
+    return ""
+
