@@ -49,6 +49,7 @@ _GROUPS = {
         "demo": "Watch a task server, three clients and a robot at work",
         "top": "Watch nodes, services, calls, the queue and the robot live",
         "doctor": "Find out why something does not work",
+        "simulate": "Run your programs many times with faults, until they break",
         "ps": "List your taskrpc processes on this machine",
         "stop": "End your taskrpc processes on this machine",
     },
@@ -120,6 +121,7 @@ _MODULES = {
     "graduate": "taskrpc.cli.workspace.graduate",
     "ros": "taskrpc.cli.workspace.ros",
     "shell": "taskrpc.cli.workspace.shell",
+    "simulate": "taskrpc.cli.workspace.simulate",
 }
 """The module of each command; a command of several modules has a folder."""
 

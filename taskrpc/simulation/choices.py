@@ -7,9 +7,11 @@ out one fault does not change the others, which the search for a shorter story n
 from __future__ import annotations
 
 import random
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from hashlib import blake2b
 from typing import Protocol
+
+from taskrpc.simulation.seeds import VARIANT
 
 
 class Named(Protocol):
@@ -35,8 +37,10 @@ class Choices:
         self.seed = seed
         self._kept = None if kept is None else frozenset(kept)
         self._orderly = orderly
-        self._order = self.chance("order")
-        self._by_priority = self.fraction("strategy") < 0.5
+        # The other decisions follow from the seed without its variant; see `seeds`.
+        self._order = random.Random(f"order {seed}")
+        self._base = seed % VARIANT
+        self._by_priority = self._order.random() < 0.5
         self._priorities: dict[int, float] = {}
         """Of the stacks, while the order follows priorities."""
         self._left = self._next_change()
@@ -59,7 +63,7 @@ class Choices:
         """Return how long something takes."""
         return least + (most - least) * self.fraction(name)
 
-    def next(self, ready: list[Named]) -> int:
+    def next(self, ready: Sequence[Named]) -> int:
         """Return which of two or more ready stacks runs next.
 
         Half of the seeds choose at random. The others give each stack a priority and change one at
@@ -85,4 +89,4 @@ class Choices:
         return 1 + int(self._order.expovariate(1 / 40))
 
     def _digest(self, name: str) -> bytes:
-        return blake2b(f"{self.seed}/{name}".encode(), digest_size=8).digest()
+        return blake2b(f"{self._base}/{name}".encode(), digest_size=8).digest()

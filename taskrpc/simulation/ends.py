@@ -9,6 +9,7 @@ from typing import Final
 from taskrpc.simulation.programs import Process
 from taskrpc.simulation.stacks import Stack, Stacks
 from taskrpc.simulation.threads import Lock
+from taskrpc.simulation.world import CallRecord
 
 SILENCE: Final = 10.0
 """Seconds without anything visible after which a waiting program counts as one that waits for
@@ -101,3 +102,17 @@ def stuck(stacks: Stacks, process: Process) -> str:
             return f"a callback of {process.name} waits for ever at {each.line}"
     return ""
 
+
+
+def waits_of(stacks: Stacks, process: Process, calls: list[CallRecord]) -> list[str]:
+    """Return what a program that has not ended waits for, one line for each of its own lines."""
+    found = []
+    for call in calls:
+        if call.ok is None and call.process == process.id and not call.is_hidden:
+            where = call.where or process.name
+            found.append(f"{process.name} waits at {where} for the response of {call.service}")
+    for each in (Waiting(process, stack) for stack in stacks.of(process.id)):
+        if each.line and not any(each.line in line for line in found):
+            what = "for what others send" if each.serves else f"in {each.inner[-1]}" if each.inner else ""
+            found.append(f"{process.name} waits at {each.line} {what}".rstrip())
+    return found

@@ -17,9 +17,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from taskrpc.simulation import watchdog
 from taskrpc.simulation.clocks import Clocks
 from taskrpc.simulation.loop import Policy, SimulatedLoop
 from taskrpc.simulation.programs import Output, OwnModules, Process
+from taskrpc.simulation.refusals import refuse
 from taskrpc.simulation.stacks import Stack, Stacks
 from taskrpc.simulation.state import ModuleState
 from taskrpc.simulation.threads import replace_threads
@@ -92,6 +94,7 @@ def prepare() -> Interpreter:
     if _interpreter is not None:
         return _interpreter
     found = _interpreter = Interpreter()
+    watchdog.watch(lambda: None if found.run is None else found.stacks.steps)
     replace_threads(found.stacks, found.stacks.present_handle)
     Clocks(found.stacks, lambda: found).install()
     sys.modules["uvloop"] = None  # type: ignore[assignment]
@@ -101,6 +104,9 @@ def prepare() -> Interpreter:
     sys.meta_path.insert(0, OwnModules(found.process))
     _replace_process_functions(found)
     threading.excepthook = lambda failed: found.thread_failed(failed.exc_value)
+    # The ends of killed programs run while their objects are freed; nothing of it matters.
+    sys.unraisablehook = lambda _: None
+    refuse(found.process)
     gc.disable()  # `Run` collects between runs
     return found
 

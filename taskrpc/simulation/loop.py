@@ -77,6 +77,11 @@ class SimulatedLoop(asyncio.BaseEventLoop):
             self._write_to_self()
         return timer
 
+    def call_exception_handler(self, context: dict[str, Any]) -> None:
+        """Report an exception that nobody handles, while a program runs."""
+        if self._stacks.current is not None and not self._stacks.current.is_dead:
+            super().call_exception_handler(context)
+
     def run_forever(self) -> None:
         """Run until `stop`."""
         self._stack = self._stacks.current

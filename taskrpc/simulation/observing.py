@@ -39,7 +39,7 @@ class RunObserver(Observer):
 
     def call_began(self, call: CallInfo) -> None:
         """A call has arrived."""
-        if (process := self._run.present()) is not None and not _is_hidden(call.service):
+        if (process := self._run.present()) is not None and not is_hidden(call.service):
             self._run.note("begin", call.service, process.name)
             self._run.seen(process)
 
@@ -52,7 +52,7 @@ class _Outgoing:
     def __init__(self, run: Run, service: str) -> None:
         self._run = run
         self._process = run.present()
-        name, process, where, hidden = "", "", "", _is_hidden(service)
+        name, process, where, hidden = "", "", "", is_hidden(service)
         if self._process is not None:
             name, process, where = self._process.name, self._process.id, run.where(self._process)
             if not hidden:
@@ -84,13 +84,14 @@ class _Plan:
         self._counts: dict[str, int] = {}
 
     def concerns(self, service: str) -> bool:
-        return not _is_hidden(service)
+        return not is_hidden(service)
 
     def next(self, service: str) -> Fault | None:
         count = self._counts[service] = self._counts.get(service, 0) + 1
         return self._run.fault_of_call(service, count)
 
 
-def _is_hidden(service: str) -> bool:
+def is_hidden(service: str) -> bool:
+    """Whether a service is one that taskrpc or rclpy makes by itself."""
     return service.startswith(_HIDDEN) or service.endswith(_OF_PARAMETERS)
 

@@ -18,6 +18,7 @@ from typing import Any, Final, Protocol
 
 from taskrpc.simulation.stacks import Stack, Stacks
 from taskrpc.simulation.threads import Handle
+from taskrpc.simulation.watchdog import NeverWaits
 from taskrpc.spi import current_program
 
 MAX_OUTPUT: Final = 1_000_000
@@ -165,9 +166,9 @@ class Process:
                 return end.code or 0
             self.write(f"{end.code}\n")
             return 1
-        except Exception as error:
+        except (Exception, NeverWaits) as error:
             self.error = error
-            self.write(explained(error, self.source.file.parent))
+            self.lines += explained(error, self.folder).splitlines()
             return 1
         return 0
 

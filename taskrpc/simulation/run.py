@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import contextvars
-import gc
-import random
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,11 +14,14 @@ from taskrpc.simulation import ends
 from taskrpc.simulation.choices import Choices
 from taskrpc.simulation.interpreter import Interpreter
 from taskrpc.simulation.network import RunNetwork
-from taskrpc.simulation.observing import RunFaults, RunObserver
+from taskrpc.simulation.observing import RunFaults, RunObserver, is_hidden
 from taskrpc.simulation.programs import Process, Source, explained, own_line
+from taskrpc.simulation.protocol import Coverage
+from taskrpc.simulation.refusals import CannotSimulate
 from taskrpc.simulation.scenario import ProgramEntry, Scenario
 from taskrpc.simulation.stacks import Stack, Stop
 from taskrpc.simulation.trace import Event, Kind, Trace
+from taskrpc.simulation.watchdog import LIMIT, NeverWaits
 from taskrpc.simulation.world import CallRecord, World
 from taskrpc.spi import Fault, FaultKind, Hub, current_program
 
@@ -58,6 +58,12 @@ class Result(msgspec.Struct, frozen=True):
     """Virtual seconds."""
     events: tuple[Event, ...] = ()
     """All events, if the run was told to keep them."""
+
+
+def kind_of(fault: str) -> str:
+    """Return the kind of a fault from its name: `lose request`, `kill`."""
+    words = fault.split()
+    return words[0] if words[0] == "kill" else " ".join(words[:2])
 
 
 class Run:
@@ -109,6 +115,10 @@ class Run:
         """Programs that will start, with the time and the number of the start."""
         self.is_calm = False
         """Whether faults are off."""
+        self.waits: list[str] = []
+        """What the programs waited for at the end, if the run tells it."""
+        self._offered: list[str] = []
+        self._ended_at = 0.0
 
     # What the programs do
 
@@ -152,7 +162,12 @@ class Run:
 
     def ended(self, process: Process) -> None:
         """A program has ended."""
-        if process.error is not None:
+        if isinstance(process.error, CannotSimulate):
+            self.fail(CannotSimulate.__name__, str(process.error))
+        elif isinstance(process.error, NeverWaits):
+            words = f"{process.name} ran for {LIMIT:g} s without waiting for anything"
+            self.fail(f"{process.name} never waits", f"{words}\n{explained(process.error, process.folder)}")
+        elif process.error is not None:
             self.fail(f"exception in {process.name}", explained(process.error, process.folder))
             self._happened("raise", type(process.error).__name__, process)
         else:
@@ -225,6 +240,9 @@ class Run:
             self._plan_starts()
             self._advance(self._scenario.duration)
             self._check_at_end()
+            self._offered = self._services()
+            self.waits = self._waits_in_words() if self._tells else []
+            self._ended_at = self.now
         finally:
             for process in self.processes.values():
                 process.is_gone = True
@@ -238,9 +256,24 @@ class Run:
             tuple(dict.fromkeys(self.faults_happened)),
             self.trace.hash(),
             self.trace.shape(),
-            self.now,
+            self._ended_at,
             events,
         )
+
+    def coverage(self) -> Coverage:
+        """Return what the run has reached."""
+        found = Coverage(runs=1, seconds=self._ended_at)
+        for call in self.calls:
+            if not call.is_hidden:
+                found.calls[call.service] = found.calls.get(call.service, 0) + 1
+                if not call.ok:
+                    found.unanswered[call.service] = found.unanswered.get(call.service, 0) + 1
+        for service in self._offered:
+            found.offered[service] = 1
+        for fault in self.faults_happened:
+            kind = kind_of(fault)
+            found.faults[kind] = found.faults.get(kind, 0) + 1
+        return found
 
     def fail(self, kind: str, text: str) -> None:
         """Let the run fail; the first failure counts."""
@@ -326,6 +359,24 @@ class Run:
             self._check(self._scenario.final_checks)
         if self.failure is None:
             self._look_for_waits()
+
+    def _services(self) -> list[str]:
+        return sorted(
+            {
+                endpoint.name
+                for hub in self.hubs.values()
+                for tracked in hub.entries.values()
+                for endpoint in tracked.services.values()
+                if not is_hidden(endpoint.name)
+            }
+        )
+
+    def _waits_in_words(self) -> list[str]:
+        found = []
+        for process in self.processes.values():
+            if not process.is_gone:
+                found += ends.waits_of(self._stacks, process, self.calls)
+        return found
 
     def _look_for_waits(self) -> None:
         """Find programs that wait for ever."""

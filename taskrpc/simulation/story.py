@@ -1,0 +1,117 @@
+"""Tells a failing run so that a student understands it: one line an event; pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from taskrpc.simulation.protocol import Coverage, Explained
+from taskrpc.simulation.trace import Event
+
+_WORDS: Final = {
+    "start": "{text}",
+    "print": "prints: {text}",
+    "call": "calls {text}",
+    "answer": "gets the response of {text}",
+    "error": "call fails: {text}",
+    "begin": "begins {text}",
+    "message": "publishes on {text}",
+    "fault": "FAULT: {text}",
+    "crash": "FAULT: {text}",
+    "end": "{text}",
+    "raise": "ends with {text}",
+}
+_LONGEST = 40
+"""Events that are shown at most; the others in the middle are left out."""
+
+
+def story(
+    found: Explained, lines: Mapping[str, Sequence[str]], *, everything: bool = False
+) -> str:
+    """Return the failure and how it came about.
+
+    `lines`: the lines of the programs' files, by name, which are shown beside the events. Without
+    `everything`, a long story has a gap.
+    """
+    return "\n".join(
+        [
+            f"FAILED: {found.kind}",
+            *(f"  {line}" for line in found.text.rstrip().splitlines()),
+            "",
+            _needs(found),
+            "",
+            *_events(found.events, lines, everything),
+            *_waits(found.waits),
+        ]
+    )
+
+
+def _needs(found: Explained) -> str:
+    names = [_fault_words(each) for each in found.faults]
+    if not found.in_order:
+        names.append("an unlucky order of the threads")
+    what = " and ".join(names) or "no fault at all"
+    return f"Seed {found.seed} fails with {what}."
+
+
+def _fault_words(name: str) -> str:
+    if name.startswith("lose "):
+        _, what, number, _, service = name.split()
+        return f"{what} {number} of {service} lost"
+    if name.startswith("kill "):
+        return f"{name.split()[1]} killed"
+    return name
+
+
+def _events(
+    events: Sequence[Event], lines: Mapping[str, Sequence[str]], everything: bool
+) -> list[str]:
+    width = max((len(each.program) for each in events), default=0)
+    told = []
+    for each in events:
+        words = _WORDS[each.kind].format(text=each.text)
+        told.append(f"{each.time:8.3f} s  {each.program:<{width}}  {words}{_source(each, lines)}")
+    if len(told) > _LONGEST and not everything:
+        begin, end = _LONGEST // 4, _LONGEST - _LONGEST // 4
+        left_out = len(told) - begin - end
+        told[begin:-end] = [f"{'':8}    … {left_out} more events (--verbose shows them)"]
+    return told
+
+
+def _source(event: Event, lines: Mapping[str, Sequence[str]]) -> str:
+    file, _, number = event.where.partition(":")
+    if not number:
+        return ""
+    code = lines.get(file, ())
+    text = code[int(number) - 1].strip() if int(number) <= len(code) else ""
+    return f"    {event.where}  {text}"
+
+
+def _waits(waits: Sequence[str]) -> list[str]:
+    return ["", "At the end:", *(f"  {line}" for line in waits)] if waits else []
+
+
+def summary(coverage: Coverage, shapes: int, seconds: float) -> str:
+    """Return what all runs have reached, and what they have not."""
+    each = coverage.runs / seconds if seconds else 0.0
+    lines = [
+        f"{coverage.runs} runs in {seconds:.1f} s ({each:.0f} a second; {coverage.seconds:.0f} s of"
+        f" virtual time), {shapes} different courses."
+    ]
+    if coverage.calls:
+        lines.append(f"Calls: {_counts(coverage.calls, coverage.unanswered)}.")
+    if coverage.faults:
+        faults = ", ".join(f"{name} {count}" for name, count in sorted(coverage.faults.items()))
+        lines.append(f"Faults: {faults}.")
+    never = sorted(coverage.offered.keys() - coverage.calls.keys())
+    if never:
+        lines.append(f"Not reached: nobody called {', '.join(never)}.")
+    return "\n".join(lines)
+
+
+def _counts(calls: Mapping[str, int], unanswered: Mapping[str, int]) -> str:
+    return ", ".join(
+        f"{service} {count}"
+        + (f" ({unanswered[service]} without a response)" if unanswered.get(service) else "")
+        for service, count in sorted(calls.items())
+    )

@@ -1,0 +1,170 @@
+"""A process that simulates: it reads orders from stdin and answers on stdout, line by line."""
+
+from __future__ import annotations
+
+import gc
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import Any, Final
+
+import msgspec
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.simulation import interpreter as interpreters
+
+_COLLECT_EVERY: Final = 20  # runs
+
+
+class Worker:
+    """Loads a scenario, and runs its seeds."""
+
+    def __init__(self) -> None:
+        self._interpreter = interpreters.prepare()
+        self._scenario: Any = None
+        self._sources: dict[str, Any] = {}
+        self._runs = 0
+
+    def answer(self, order: Any) -> Any:
+        """Do what an order says; returns the answer."""
+        from taskrpc.simulation import protocol
+
+        try:
+            match order:
+                case protocol.Load():
+                    return self._load(Path(order.file))
+                case protocol.Search():
+                    return self._search(order.seeds)
+                case protocol.Explain():
+                    return self._explain(order.seed)
+        except TaskRpcError as error:
+            return protocol.Refused(str(error))
+
+    def _load(self, file: Path) -> Any:
+        from taskrpc.simulation import protocol
+        from taskrpc.simulation.programs import Source
+        from taskrpc.simulation.world import World
+
+        folder = file.resolve().parent
+        os.chdir(folder)
+        sys.path[0] = str(folder)
+        self._scenario = _read(file.resolve())
+        interpreters.use_product(self._interpreter, folder)
+        World.folder = folder
+        for entry in self._scenario.programs:
+            source = Source((folder / entry.file).resolve(), entry.arguments)
+            try:
+                source.code_of(str(source.file))
+            except OSError as error:
+                problem = f"program {entry.name}: cannot read {entry.file}: {error.strerror}"
+                raise TaskRpcError(problem) from None
+            except SyntaxError as error:
+                raise TaskRpcError(f"{entry.file}:{error.lineno}: {error.msg}") from None
+            self._sources[entry.name] = source
+        return protocol.Loaded([each.name for each in self._scenario.programs])
+
+    def _search(self, seeds: Sequence[int]) -> Any:
+        from taskrpc.simulation import protocol
+        from taskrpc.simulation.refusals import CannotSimulate
+
+        coverage, shapes = protocol.Coverage(), []
+        for seed in seeds:
+            run = self._new_run(seed)
+            result = run.play()
+            coverage.add(run.coverage())
+            shapes.append((seed, result.shape))
+            if result.failure is not None:
+                if result.failure.kind == CannotSimulate.__name__:
+                    raise TaskRpcError(result.failure.text)
+                return protocol.Searched(coverage, shapes, seed)
+        return protocol.Searched(coverage, shapes, None)
+
+    def _explain(self, seed: int) -> Any:
+        from taskrpc.simulation import protocol
+        from taskrpc.simulation.shrink import shrink
+
+        first = self._new_run(seed).play()
+        kept, in_order = shrink(
+            first, lambda names, orderly: self._new_run(seed, names, orderly=orderly).play()
+        )
+        run = self._new_run(seed, kept, orderly=in_order, tells=True)
+        last = run.play()
+        assert last.failure is not None
+        return protocol.Explained(
+            seed,
+            last.failure.kind,
+            last.failure.text,
+            [each for each in last.faults if each in kept],
+            in_order,
+            first.hash,
+            list(last.events),
+            run.waits,
+            len(first.faults),
+        )
+
+    def _new_run(
+        self,
+        seed: int,
+        kept: Sequence[str] | None = None,
+        *,
+        orderly: bool = False,
+        tells: bool = False,
+    ) -> Any:
+        from taskrpc.simulation.choices import Choices
+        from taskrpc.simulation.run import Run
+
+        self._runs += 1
+        if self._runs % _COLLECT_EVERY == 0:
+            gc.collect()
+        choices = Choices(seed, kept, orderly=orderly)
+        return Run(self._interpreter, self._scenario, self._sources, choices, tells=tells)
+
+
+def _read(file: Path) -> Any:
+    """Run a scenario's file; returns its `scenario`. Raises TaskRpcError."""
+    from taskrpc.simulation.programs import explained
+    from taskrpc.simulation.scenario import Scenario
+
+    module = ModuleType(file.stem)
+    module.__file__ = str(file)
+    try:
+        text = file.read_bytes()
+    except OSError as error:
+        raise TaskRpcError(f"cannot read {file.name}: {error.strerror}") from None
+    try:
+        exec(compile(text, str(file), "exec", dont_inherit=True), vars(module))
+    except SyntaxError as error:
+        raise TaskRpcError(f"{file.name}:{error.lineno}: {error.msg}") from None
+    except TaskRpcError as error:
+        raise TaskRpcError(f"{file.name}: {error}") from None
+    except Exception as error:
+        raise TaskRpcError(explained(error, file.parent).rstrip()) from None
+    found = getattr(module, "scenario", None)
+    if not isinstance(found, Scenario):
+        got = "nothing with this name" if found is None else repr(found)
+        raise TaskRpcError(f"{file.name}: expected `scenario = Scenario(...)`, got {got}")
+    if not found.programs:
+        raise TaskRpcError(
+            f'{file.name}: the scenario has no programs; add scenario.program("robot", "robot.py")'
+        )
+    return found
+
+
+def main() -> None:
+    """Answer orders until stdin ends."""
+    orders, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what anything else prints is no answer
+    worker = Worker()
+    from taskrpc.simulation import protocol
+
+    decoder, encoder = msgspec.json.Decoder(protocol.Order), msgspec.json.Encoder()
+    for line in orders:
+        answers.write(encoder.encode(worker.answer(decoder.decode(line))) + b"\n")
+        answers.flush()
+    os._exit(0)  # the threads of the programs are no threads that Python could wait for
+
+
+if __name__ == "__main__":
+    main()
