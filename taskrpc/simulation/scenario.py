@@ -12,7 +12,7 @@ import msgspec
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
-    from taskrpc.simulation.world import World
+    from taskrpc.simulation.run.world import World
 
 _Check = TypeVar("_Check", bound="Callable[[Any], object]")
 

@@ -8,14 +8,15 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from taskrpc.simulation.protocol import Coverage, Explained
-    from taskrpc.simulation.search import Finding
+    from taskrpc.simulation.run.coverage import Coverage
+    from taskrpc.simulation.search.protocol import Explained
+    from taskrpc.simulation.search.search import Finding
 
 _RUNS = 1000
 
 _EPILOG = """\
 FILE defines the programs, the faults and what must always be true, with the name `scenario`.
-The exit code is 0 if no run failed, 1 if one did, 2 for a mistake in FILE or on the command line."""
+The exit code is 0 if no run failed, 1 if one did, 2 for a mistake of yours."""
 
 
 def configure(parser: ArgumentParser) -> None:
@@ -29,7 +30,8 @@ def configure(parser: ArgumentParser) -> None:
     what = f"How many runs. Default: {_RUNS}"
     amount.add_argument("--runs", metavar="N", type=whole(1), help=what)
     what = "Run for so many real seconds"
-    amount.add_argument("--seconds", metavar="S", type=number("a number of seconds above 0", lambda value: value > 0), help=what)
+    seconds = number("above 0", lambda value: value > 0)
+    amount.add_argument("--seconds", metavar="S", type=seconds, help=what)
     what = "The first seed; the same seed gives the same run. Default: 0"
     add("--seed", metavar="N", type=int, default=0, help=what)
     what = "How many processes simulate. Default: as many as there are cores"
@@ -48,7 +50,7 @@ def _run(options: Namespace) -> int:
     from taskrpc.errors import TaskRpcError
 
     _check_installed()
-    from taskrpc.simulation.search import search
+    from taskrpc.simulation.search.search import search
 
     file = Path(options.file)
     if not file.is_file():
@@ -104,7 +106,7 @@ def _progress(runs: int | None, seconds: float | None):  # type: ignore[no-untyp
 
 
 def _print_text(found: Finding, file: Path, *, verbose: bool) -> None:
-    from taskrpc.simulation.story import story, summary
+    from taskrpc.simulation.search.story import story, summary
 
     if found.failure is not None:
         print(story(found.failure, _lines(found.failure, file), everything=verbose))

@@ -13,7 +13,7 @@ from typing import Any, Final
 import msgspec
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.simulation import interpreter as interpreters
+from taskrpc.simulation.interpreter import interpreter as interpreters
 
 _COLLECT_EVERY: Final = 20  # runs
 
@@ -29,7 +29,7 @@ class Worker:
 
     def answer(self, order: Any) -> Any:
         """Do what an order says; returns the answer."""
-        from taskrpc.simulation import protocol
+        from taskrpc.simulation.search import protocol
 
         try:
             match order:
@@ -43,15 +43,16 @@ class Worker:
             return protocol.Refused(str(error))
 
     def _load(self, file: Path) -> Any:
-        from taskrpc.simulation import protocol
-        from taskrpc.simulation.programs import Source
-        from taskrpc.simulation.world import World
+        from taskrpc.simulation.interpreter.programs import Source
+        from taskrpc.simulation.run.product import use_product
+        from taskrpc.simulation.run.world import World
+        from taskrpc.simulation.search import protocol
 
         folder = file.resolve().parent
         os.chdir(folder)
         sys.path[0] = str(folder)
         self._scenario = _read(file.resolve())
-        interpreters.use_product(self._interpreter, folder)
+        use_product(self._interpreter, folder)
         World.folder = folder
         for entry in self._scenario.programs:
             source = Source((folder / entry.file).resolve(), entry.arguments)
@@ -66,8 +67,8 @@ class Worker:
         return protocol.Loaded([each.name for each in self._scenario.programs])
 
     def _search(self, seeds: Sequence[int]) -> Any:
-        from taskrpc.simulation import protocol
-        from taskrpc.simulation.refusals import CannotSimulate
+        from taskrpc.simulation.interpreter.refusals import CannotSimulate
+        from taskrpc.simulation.search import protocol
 
         coverage, shapes = protocol.Coverage(), []
         for seed in seeds:
@@ -82,8 +83,8 @@ class Worker:
         return protocol.Searched(coverage, shapes, None)
 
     def _explain(self, seed: int) -> Any:
-        from taskrpc.simulation import protocol
-        from taskrpc.simulation.shrink import shrink
+        from taskrpc.simulation.search import protocol
+        from taskrpc.simulation.search.shrink import shrink
 
         first = self._new_run(seed).play()
         kept, in_order = shrink(
@@ -112,8 +113,8 @@ class Worker:
         orderly: bool = False,
         tells: bool = False,
     ) -> Any:
-        from taskrpc.simulation.choices import Choices
-        from taskrpc.simulation.run import Run
+        from taskrpc.simulation.run.choices import Choices
+        from taskrpc.simulation.run.run import Run
 
         self._runs += 1
         if self._runs % _COLLECT_EVERY == 0:
@@ -124,7 +125,7 @@ class Worker:
 
 def _read(file: Path) -> Any:
     """Run a scenario's file; returns its `scenario`. Raises TaskRpcError."""
-    from taskrpc.simulation.programs import explained
+    from taskrpc.simulation.interpreter.programs import explained
     from taskrpc.simulation.scenario import Scenario
 
     module = ModuleType(file.stem)
@@ -157,7 +158,7 @@ def main() -> None:
     orders, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what anything else prints is no answer
     worker = Worker()
-    from taskrpc.simulation import protocol
+    from taskrpc.simulation.search import protocol
 
     decoder, encoder = msgspec.json.Decoder(protocol.Order), msgspec.json.Encoder()
     for line in orders:

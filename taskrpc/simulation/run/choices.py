@@ -11,7 +11,7 @@ from collections.abc import Collection, Sequence
 from hashlib import blake2b
 from typing import Protocol
 
-from taskrpc.simulation.seeds import VARIANT
+from taskrpc.simulation.run.seeds import VARIANT
 
 
 class Named(Protocol):

@@ -6,16 +6,18 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
-from taskrpc.simulation.programs import Process
-from taskrpc.simulation.stacks import Stack, Stacks
-from taskrpc.simulation.threads import Lock
-from taskrpc.simulation.world import CallRecord
+from taskrpc.simulation.interpreter.programs import Process
+from taskrpc.simulation.interpreter.stacks import Stack, Stacks
+from taskrpc.simulation.interpreter.threads import Lock
+from taskrpc.simulation.run.world import CallRecord
 
 SILENCE: Final = 10.0
 """Seconds without anything visible after which a waiting program counts as one that waits for
 ever."""
 
-_SERVING = frozenset({"spin", "spin_once", "spin_until_future_complete", "run_forever", "_run_once"})
+_SERVING = frozenset(
+    {"spin", "spin_once", "spin_until_future_complete", "run_forever", "_run_once"}
+)
 """Functions in which a program waits for what others send."""
 
 
@@ -103,7 +105,6 @@ def stuck(stacks: Stacks, process: Process) -> str:
     return ""
 
 
-
 def waits_of(stacks: Stacks, process: Process, calls: list[CallRecord]) -> list[str]:
     """Return what a program that has not ended waits for, one line for each of its own lines."""
     found = []
@@ -113,6 +114,12 @@ def waits_of(stacks: Stacks, process: Process, calls: list[CallRecord]) -> list[
             found.append(f"{process.name} waits at {where} for the response of {call.service}")
     for each in (Waiting(process, stack) for stack in stacks.of(process.id)):
         if each.line and not any(each.line in line for line in found):
-            what = "for what others send" if each.serves else f"in {each.inner[-1]}" if each.inner else ""
+            what = (
+                "for what others send"
+                if each.serves
+                else f"in {each.inner[-1]}"
+                if each.inner
+                else ""
+            )
             found.append(f"{process.name} waits at {each.line} {what}".rstrip())
     return found

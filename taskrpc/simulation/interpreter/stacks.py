@@ -16,7 +16,7 @@ from typing import Final
 
 from greenlet import GreenletExit, getcurrent, greenlet
 
-from taskrpc.simulation.threads import Handle, Waiter
+from taskrpc.simulation.interpreter.threads import Handle, Waiter
 from taskrpc.spi import current_program
 
 STEP: Final = 1e-6

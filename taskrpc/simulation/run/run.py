@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
+import asyncio
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
 import msgspec
 
+from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
-from taskrpc.simulation import ends
-from taskrpc.simulation.choices import Choices
-from taskrpc.simulation.interpreter import Interpreter
-from taskrpc.simulation.network import RunNetwork
-from taskrpc.simulation.observing import RunFaults, RunObserver, is_hidden
-from taskrpc.simulation.programs import Process, Source, explained, own_line
-from taskrpc.simulation.protocol import Coverage
-from taskrpc.simulation.refusals import CannotSimulate
+from taskrpc.simulation.interpreter.interpreter import Interpreter
+from taskrpc.simulation.interpreter.programs import Process, Source, explained, own_line
+from taskrpc.simulation.interpreter.refusals import CannotSimulate
+from taskrpc.simulation.interpreter.stacks import Stack, Stop
+from taskrpc.simulation.interpreter.threads import Handle
+from taskrpc.simulation.interpreter.watchdog import LIMIT, NeverWaits
+from taskrpc.simulation.run import calling, ends
+from taskrpc.simulation.run.choices import Choices
+from taskrpc.simulation.run.coverage import Coverage
+from taskrpc.simulation.run.network import RunNetwork
+from taskrpc.simulation.run.observing import RunFaults, RunObserver, is_hidden
+from taskrpc.simulation.run.trace import Event, Kind, Trace
+from taskrpc.simulation.run.world import CallRecord, World
 from taskrpc.simulation.scenario import ProgramEntry, Scenario
-from taskrpc.simulation.stacks import Stack, Stop
-from taskrpc.simulation.trace import Event, Kind, Trace
-from taskrpc.simulation.watchdog import LIMIT, NeverWaits
-from taskrpc.simulation.world import CallRecord, World
 from taskrpc.spi import Fault, FaultKind, Hub, current_program
 
 START_WITHIN: Final = 0.5
@@ -93,7 +96,6 @@ class Run:
         self.hubs: dict[int, Hub] = {}
         self.trace = Trace()
         self.calls: list[CallRecord] = []
-        self.messages: dict[str, list[Any]] = {}
         self.faults_happened: list[str] = []
         self.failure: Failure | None = None
         self._interpreter = interpreter
@@ -111,6 +113,8 @@ class Run:
         self._crashes: dict[str, int] = {}
         self._doomed: list[Process] = []
         """Programs to kill after the present step."""
+        self.messages: dict[str, list[Any]] = {}
+        """The messages that were published, by topic."""
         self._coming: list[tuple[float, ProgramEntry, int]] = []
         """Programs that will start, with the time and the number of the start."""
         self.is_calm = False
@@ -127,9 +131,10 @@ class Run:
         """Virtual seconds since the begin."""
         return self._stacks.now
 
-    def hub(self, domain: int) -> Hub:
-        """Return the hub of a domain."""
-        return self.hubs[domain]
+    @property
+    def lives(self) -> Iterable[Process]:
+        """All starts of all programs."""
+        return self.processes.values()
 
     def note(self, kind: Kind, text: str, program: str = "", where: str = "") -> None:
         """Add an event."""
@@ -166,7 +171,10 @@ class Run:
             self.fail(CannotSimulate.__name__, str(process.error))
         elif isinstance(process.error, NeverWaits):
             words = f"{process.name} ran for {LIMIT:g} s without waiting for anything"
-            self.fail(f"{process.name} never waits", f"{words}\n{explained(process.error, process.folder)}")
+            self.fail(
+                f"{process.name} never waits",
+                f"{words}\n{explained(process.error, process.folder)}",
+            )
         elif process.error is not None:
             self.fail(f"exception in {process.name}", explained(process.error, process.folder))
             self._happened("raise", type(process.error).__name__, process)
@@ -186,6 +194,13 @@ class Run:
         """A fault has happened."""
         self.faults_happened.append(name)
         self.note("fault", name, program)
+
+    def published(self, topic: str, message: Any) -> None:
+        """A program publishes a message."""
+        process = self.present()
+        if process is not None and not is_hidden(topic):
+            self.messages.setdefault(topic, []).append(message)
+            self._happened("message", topic, process)
 
     def fault_of_call(self, service: str, count: int) -> Fault | None:
         """Return the fault of a call, the `count`th that arrived at a service."""
@@ -221,9 +236,7 @@ class Run:
             self._doomed.append(process)
 
     def _crash_share(self, name: str) -> float:
-        return _CRASH_SHARES[
-            int(self._choices.fraction(f"kill {name}") * len(_CRASH_SHARES))
-        ]
+        return _CRASH_SHARES[int(self._choices.fraction(f"kill {name}") * len(_CRASH_SHARES))]
 
     # The run
 
@@ -359,6 +372,33 @@ class Run:
             self._check(self._scenario.final_checks)
         if self.failure is None:
             self._look_for_waits()
+
+    def call(self, service: str, fields: dict[str, Any]) -> Any:
+        """Call a service for a check, and let the programs run meanwhile."""
+        if not self.is_calm:
+            raise TaskRpcError("world.call: only the functions of scenario.finally_ may call")
+        results: list[Any] = []
+
+        def live() -> None:
+            try:
+                results.append(asyncio.run(calling.call(service, fields)))
+            except Exception as error:
+                results.append(error)
+
+        token = current_program.set(calling.NAME)
+        self._stacks.start(live, Handle())
+        current_program.reset(token)
+        end = self.now + 2 * calling.TIMEOUT
+        while not results and self.now < end:
+            stop = self._stacks.run(end, self._choices.next, lambda _: bool(results))
+            self._end_doomed()
+            if stop is Stop.IDLE:
+                break
+        if not results:
+            raise TaskRpcError(f"world.call: {service} did not answer")
+        if isinstance(results[0], Exception):
+            raise results[0]
+        return results[0]
 
     def _services(self) -> list[str]:
         return sorted(

@@ -9,8 +9,8 @@ import time
 from collections.abc import Callable
 from typing import Any, Final, Protocol
 
-from taskrpc.simulation.loop import FIRST_DAY
-from taskrpc.simulation.stacks import Stacks
+from taskrpc.simulation.interpreter.loop import FIRST_DAY
+from taskrpc.simulation.interpreter.stacks import Stacks
 
 POLLS: Final = 1000
 """How often a stack may read the clock in one step; after that, each reading lets others run."""
@@ -99,7 +99,7 @@ class Clocks:
 
             @classmethod
             def utcnow(cls) -> Any:
-                return cls.fromtimestamp(time.time(), datetimes.timezone.utc).replace(tzinfo=None)
+                return cls.fromtimestamp(time.time(), datetimes.UTC).replace(tzinfo=None)
 
             @classmethod
             def today(cls) -> Any:

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc import Observer
 from taskrpc.errors import Code
-from taskrpc.simulation.world import CallRecord
+from taskrpc.simulation.run.trace import Trace
+from taskrpc.simulation.run.world import CallRecord
 from taskrpc.spi import Fault
 from taskrpc.testing import CallFaults
+from taskrpc.topic import Publisher
 
 if TYPE_CHECKING:
     from taskrpc import CallInfo
-    from taskrpc.simulation.run import Run
+    from taskrpc.simulation.interpreter.programs import Process
+    from taskrpc.simulation.run.trace import Kind
 
-_HIDDEN = ("/_", "/rosout")
+_HIDDEN = ("/_", "/rosout", "/parameter_events")
 """Services and topics that programs do not use themselves."""
 _OF_PARAMETERS = (
     "/describe_parameters",
@@ -27,10 +31,39 @@ _OF_PARAMETERS = (
 )
 
 
+class Noting(Protocol):
+    """The run whose nodes are observed."""
+
+    calls: list[CallRecord]
+    trace: Trace
+
+    @property
+    def now(self) -> float:
+        """Virtual seconds since the begin."""
+
+    def present(self) -> Process | None:
+        """Return the process that runs now."""
+
+    def where(self, process: Process) -> str:
+        """Return the line of the program that is being run."""
+
+    def note(self, kind: Kind, text: str, program: str = "", where: str = "") -> None:
+        """Add an event."""
+
+    def seen(self, process: Process) -> None:
+        """Count what a program did."""
+
+    def published(self, topic: str, message: Any) -> None:
+        """A program publishes a message."""
+
+    def fault_of_call(self, service: str, count: int) -> Fault | None:
+        """Return the fault of a call, the `count`th that arrived at a service."""
+
+
 class RunObserver(Observer):
     """Notes the calls of all nodes."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Noting) -> None:
         self._run = run
 
     def request_began(self, service: str) -> Any:
@@ -49,7 +82,7 @@ class _Outgoing:
 
     span = b""
 
-    def __init__(self, run: Run, service: str) -> None:
+    def __init__(self, run: Noting, service: str) -> None:
         self._run = run
         self._process = run.present()
         name, process, where, hidden = "", "", "", is_hidden(service)
@@ -70,16 +103,28 @@ class _Outgoing:
             self._run.seen(self._process)
 
 
+def watch_publishers(present: Callable[[], Any]) -> None:
+    """Note the messages of all publishers from now on."""
+    publish = Publisher.publish
+
+    def noted(publisher: Publisher[Any], message: Any) -> None:
+        if (run := present()) is not None:
+            run.published(publisher.topic_name, message)
+        publish(publisher, message)
+
+    Publisher.publish = noted  # type: ignore[method-assign]
+
+
 class RunFaults(CallFaults):
     """Loses requests and responses as the choices of a run say."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Noting) -> None:
         super().__init__()
         self.plan = _Plan(run)
 
 
 class _Plan:
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Noting) -> None:
         self._run = run
         self._counts: dict[str, int] = {}
 
@@ -94,4 +139,3 @@ class _Plan:
 def is_hidden(service: str) -> bool:
     """Whether a service is one that taskrpc or rclpy makes by itself."""
     return service.startswith(_HIDDEN) or service.endswith(_OF_PARAMETERS)
-

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Final
 
-from taskrpc.simulation.run import Result
+from taskrpc.simulation.run.run import Result
 
 GROUPS: Final = ("delays", "order of starts")
 """Decisions that are left out or kept as a whole, besides the single faults."""

@@ -16,9 +16,9 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, Final, Protocol
 
-from taskrpc.simulation.stacks import Stack, Stacks
-from taskrpc.simulation.threads import Handle
-from taskrpc.simulation.watchdog import NeverWaits
+from taskrpc.simulation.interpreter.stacks import Stack, Stacks
+from taskrpc.simulation.interpreter.threads import Handle
+from taskrpc.simulation.interpreter.watchdog import NeverWaits
 from taskrpc.spi import current_program
 
 MAX_OUTPUT: Final = 1_000_000
@@ -271,9 +271,7 @@ def explained(error: BaseException, folder: Path) -> str:
     return "".join(told.format())
 
 
-def _keep_own_lines(
-    told: traceback.TracebackException | None, folder: str, seen: set[int]
-) -> None:
+def _keep_own_lines(told: traceback.TracebackException | None, folder: str, seen: set[int]) -> None:
     if told is None or id(told) in seen:
         return
     seen.add(id(told))

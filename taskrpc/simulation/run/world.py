@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import msgspec
-
-if TYPE_CHECKING:
-    from taskrpc.simulation.run import Run
 
 
 class CallRecord(msgspec.Struct):
@@ -30,13 +28,38 @@ class CallRecord(msgspec.Struct):
     """True once it got its response, False once it ended with an error."""
 
 
+class Lived(Protocol):
+    """One life of a program."""
+
+    name: str
+    lines: list[str]
+
+
+class Observed(Protocol):
+    """What the world knows of a run."""
+
+    calls: list[CallRecord]
+    messages: dict[str, list[Any]]
+
+    @property
+    def now(self) -> float:
+        """Virtual seconds since the begin."""
+
+    @property
+    def lives(self) -> Iterable[Lived]:
+        """All starts of all programs."""
+
+    def call(self, service: str, fields: dict[str, Any]) -> Any:
+        """Call a service."""
+
+
 class World:
     """The state of a run, for the functions of `always` and `finally_`."""
 
     folder = Path(".")
     """The folder of the scenario's file."""
 
-    def __init__(self, run: Run) -> None:
+    def __init__(self, run: Observed) -> None:
         self._run = run
 
     @property
@@ -57,12 +80,7 @@ class World:
 
     def lines(self, program: str) -> list[str]:
         """Return the lines that a program printed or logged, over all its starts."""
-        return [
-            line
-            for each in self._run.processes.values()
-            if each.name == program
-            for line in each.lines
-        ]
+        return [line for each in self._run.lives if each.name == program for line in each.lines]
 
     def count(self, program: str, text: str) -> int:
         """Return how many lines of a program contain a text."""
@@ -75,4 +93,11 @@ class World:
 
     def starts(self, program: str) -> int:
         """Return how often a program was started."""
-        return sum(each.name == program for each in self._run.processes.values())
+        return sum(each.name == program for each in self._run.lives)
+
+    def call(self, service: str, **fields: Any) -> Any:
+        """Call a service and return its response; only in functions of `finally_`.
+
+        No faults happen any more. Raises TaskRpcError if the call fails.
+        """
+        return self._run.call(service, fields)

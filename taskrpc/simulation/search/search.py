@@ -15,9 +15,10 @@ from typing import Any, Final, Self
 import msgspec
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.simulation.protocol import (
+from taskrpc.simulation.run.coverage import Coverage
+from taskrpc.simulation.run.seeds import Seeds
+from taskrpc.simulation.search.protocol import (
     Answer,
-    Coverage,
     Explain,
     Explained,
     Load,
@@ -26,7 +27,6 @@ from taskrpc.simulation.protocol import (
     Search,
     Searched,
 )
-from taskrpc.simulation.seeds import Seeds
 
 _BATCH_SECONDS: Final = 0.25
 """How long one order should keep a worker busy."""
@@ -34,27 +34,26 @@ _MOST_IN_BATCH: Final = 200
 
 
 class WorkerProcess:
-    """One worker process, with its scenario loaded."""
+    """One worker process."""
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self) -> None:
         # Python's own hash order is random; with a fixed one, sets of texts have the same order.
         environment = {**os.environ, "PYTHONHASHSEED": "0"}
         for name in list(environment):
             if name.startswith(("TASKRPC_", "ROS_")):
                 del environment[name]
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "taskrpc.simulation.worker"],
+            [sys.executable, "-m", "taskrpc.simulation.search.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment,
         )
         self._encoder = msgspec.json.Encoder()
         self._decoder = msgspec.json.Decoder(Answer)
-        try:
-            self.ask(Load(str(file)))
-        except BaseException:
-            self.close()
-            raise
+
+    def load(self, file: Path) -> None:
+        """Load a scenario. Raises TaskRpcError if it cannot be simulated."""
+        self.ask(Load(str(file)))
 
     def ask(self, order: Order) -> Any:
         """Send an order and return the answer. Raises TaskRpcError if it is refused."""
@@ -156,9 +155,18 @@ class _Workers:
         self._stopping = False
 
     def __enter__(self) -> Self:
-        self.first = WorkerProcess(self._file)
-        self._all.append(self.first)
+        self.first = self._new()
+        try:
+            self.first.load(self._file)
+        except BaseException:
+            self.first.close()
+            raise
         return self
+
+    def _new(self) -> WorkerProcess:
+        worker = WorkerProcess()
+        self._all.append(worker)
+        return worker
 
     def __exit__(self, *exc_info: object) -> None:
         for each in self._all:
@@ -176,8 +184,8 @@ class _Workers:
         def work(worker: WorkerProcess | None) -> None:
             try:
                 if worker is None:
-                    worker = WorkerProcess(self._file)
-                    self._all.append(worker)
+                    worker = self._new()
+                    worker.load(self._file)
                 size = 1
                 while not self._stopping and (end is None or time.monotonic() < end):
                     with guard:

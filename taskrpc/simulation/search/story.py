@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from taskrpc.simulation.protocol import Coverage, Explained
-from taskrpc.simulation.trace import Event
+from taskrpc.simulation.run.coverage import Coverage
+from taskrpc.simulation.run.trace import Event
+from taskrpc.simulation.search.protocol import Explained
 
 _WORDS: Final = {
     "start": "{text}",
@@ -25,9 +26,7 @@ _LONGEST = 40
 """Events that are shown at most; the others in the middle are left out."""
 
 
-def story(
-    found: Explained, lines: Mapping[str, Sequence[str]], *, everything: bool = False
-) -> str:
+def story(found: Explained, lines: Mapping[str, Sequence[str]], *, everything: bool = False) -> str:
     """Return the failure and how it came about.
 
     `lines`: the lines of the programs' files, by name, which are shown beside the events. Without

@@ -9,8 +9,8 @@ import random
 from collections.abc import Callable
 from typing import Any
 
-from taskrpc.simulation.stacks import Stack, Stacks
-from taskrpc.simulation.threads import Waiter
+from taskrpc.simulation.interpreter.stacks import Stack, Stacks
+from taskrpc.simulation.interpreter.threads import Waiter
 
 FIRST_DAY = 1_767_225_600.0
 """The time of day when a run begins: 2026-01-01 00:00 UTC, in seconds since 1970."""
@@ -141,5 +141,3 @@ class Policy(asyncio.AbstractEventLoopPolicy):
     def new_event_loop(self) -> asyncio.AbstractEventLoop:
         """Return a new loop."""
         return self._new_loop()
-
-

@@ -10,24 +10,36 @@ import asyncio
 import atexit
 import gc
 import os
+import random
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
-from taskrpc.simulation import watchdog
-from taskrpc.simulation.clocks import Clocks
-from taskrpc.simulation.loop import Policy, SimulatedLoop
-from taskrpc.simulation.programs import Output, OwnModules, Process
-from taskrpc.simulation.refusals import refuse
-from taskrpc.simulation.stacks import Stack, Stacks
-from taskrpc.simulation.state import ModuleState
-from taskrpc.simulation.threads import replace_threads
+from taskrpc.simulation.interpreter import watchdog
+from taskrpc.simulation.interpreter.clocks import Clocks
+from taskrpc.simulation.interpreter.loop import Policy, SimulatedLoop
+from taskrpc.simulation.interpreter.programs import Output, OwnModules, Process
+from taskrpc.simulation.interpreter.refusals import refuse
+from taskrpc.simulation.interpreter.stacks import Stack, Stacks
+from taskrpc.simulation.interpreter.state import ModuleState
+from taskrpc.simulation.interpreter.threads import replace_threads
 
-if TYPE_CHECKING:
-    from taskrpc.simulation.run import Run
+
+class PresentRun(Protocol):
+    """The run that uses the interpreter."""
+
+    processes: dict[str, Process]
+    """By the values of `current_program`."""
+    chance: random.Random
+    """For taskrpc's own ids, secrets and waits."""
+    hubs: dict[int, Any]
+    """The memory network, by domain."""
+
+    def thread_failed(self, process: Process, error: BaseException) -> None:
+        """An exception has ended a thread of a program."""
 
 
 class Interpreter:
@@ -35,10 +47,10 @@ class Interpreter:
 
     def __init__(self) -> None:
         self.stacks = Stacks()
-        self.run: Run | None = None
+        self.run: PresentRun | None = None
         """The present run."""
         self.state: ModuleState
-        """Set by `use_product`."""
+        """Set once all modules are imported."""
         self._entered: Process | None = None
         self._outside: list[Any] = []
 
@@ -106,6 +118,8 @@ def prepare() -> Interpreter:
     threading.excepthook = lambda failed: found.thread_failed(failed.exc_value)
     # The ends of killed programs run while their objects are freed; nothing of it matters.
     sys.unraisablehook = lambda _: None
+    shown = warnings.showwarning
+    warnings.showwarning = lambda *about: None if found.process() is None else shown(*about)
     refuse(found.process)
     gc.disable()  # `Run` collects between runs
     return found
@@ -156,29 +170,3 @@ def _replace_process_functions(interpreter: Interpreter) -> None:
 
     os.getpid, atexit.register, atexit.unregister = getpid, register_function, unregister_function
     signal.signal, signal.getsignal = signal_handler, getsignal
-
-
-def use_product(interpreter: Interpreter, folder: Path) -> None:
-    """Import what programs use, so that no run pays for it, and connect it with the runs."""
-    import importlib
-
-    from taskrpc.ros import hook
-    from taskrpc.spi import TRANSPORTS, Registration
-
-    hook.install(folder)
-    TRANSPORTS["tcp"] = Registration("taskrpc.simulation.network:open_network")
-    TRANSPORTS["memory"] = TRANSPORTS["tcp"]
-    for name in _IMPORTED:
-        importlib.import_module(name)
-    interpreter.state = ModuleState()
-
-
-_IMPORTED = (
-    "taskrpc.sync",
-    "taskrpc.actions",
-    "taskrpc.simulation.network",
-    "rclpy",
-    "rclpy.executors",
-    "rclpy.node",
-    "rclpy.action",
-)

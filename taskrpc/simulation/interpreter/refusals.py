@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.simulation.programs import Process
+from taskrpc.simulation.interpreter.programs import Process
 
 _EVENTS: Final = {
     "socket.__new__": "a socket",

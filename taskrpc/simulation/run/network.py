@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from taskrpc.simulation.choices import Choices
+from taskrpc.simulation.run.choices import Choices
 from taskrpc.spi import MemoryNetwork, NetworkFaults, Settings, current_program
 
 
@@ -34,5 +34,3 @@ class RunNetwork(NetworkFaults):
             return 0.0
         count = self._counts[source, target] = self._counts.get((source, target), 0) + 1
         return self._choices.seconds(f"delay {count} {source} {target}", least, most)
-
-

@@ -8,7 +8,17 @@ from typing import Literal
 import msgspec
 
 Kind = Literal[
-    "start", "print", "call", "answer", "error", "begin", "message", "fault", "crash", "end", "raise"
+    "start",
+    "print",
+    "call",
+    "answer",
+    "error",
+    "begin",
+    "message",
+    "fault",
+    "crash",
+    "end",
+    "raise",
 ]
 """What happens: a program starts, prints a line, makes a call, gets the response or an error; its
 service begins to handle a request; it publishes a message; a fault; it is killed; it ends, or ends
