@@ -110,10 +110,11 @@ class Process:
         try:
             thread, handle = threading.Thread(target=self._main, name="MainThread"), Handle()
             # Without `start`, which waits until the thread runs.
-            threading._limbo[thread] = thread  # type: ignore[attr-defined]
+            vars(threading)["_limbo"][thread] = thread
             if hasattr(thread, "_handle"):
-                thread._handle = handle
-            self._stacks.start(thread._bootstrap, handle)  # type: ignore[attr-defined]
+                setattr(thread, "_handle", handle)  # noqa: B010
+            bootstrap = getattr(thread, "_bootstrap")  # noqa: B009
+            self._stacks.start(bootstrap, handle)
             self.main_ident = handle.ident or 0
         finally:
             current_program.reset(token)
