@@ -92,7 +92,7 @@ class ModuleState:
 
 def _variables() -> Iterator[tuple[Any, str, Any]]:
     """Yield the owner, the name and the value of each variable."""
-    home = str(Path(__file__).parents[1])
+    home = str(Path(__file__).parents[2])
     for module_name, module in sorted(sys.modules.items()):
         own = vars(module) if isinstance(module, ModuleType) else {}
         if not str(own.get("__file__")).startswith(home) or module_name.startswith(_SHARED):
