@@ -27,14 +27,14 @@ def configure(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("file", metavar="FILE", help="The scenario, such as warehouse.sim.py")
     amount = parser.add_mutually_exclusive_group()
-    what = f"How many runs. Default: {_RUNS}"
+    what = f"How many runs (default: {_RUNS})"
     amount.add_argument("--runs", metavar="N", type=whole(1), help=what)
     what = "Run for so many real seconds"
     seconds = number("above 0", lambda value: value > 0)
     amount.add_argument("--seconds", metavar="S", type=seconds, help=what)
-    what = "The first seed; the same seed gives the same run. Default: 0"
+    what = "The first seed; the same seed gives the same run (default: 0)"
     add("--seed", metavar="N", type=int, default=0, help=what)
-    what = "How many processes simulate. Default: as many as there are cores"
+    what = "How many processes simulate (default: as many as there are cores)"
     add("--jobs", metavar="N", type=whole(1), help=what)
     add("--json", action="store_true", help="Print one JSON object instead of text")
     what = "Record the failing run; `taskrpc view FILE` plays it"
