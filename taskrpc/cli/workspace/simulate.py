@@ -112,6 +112,8 @@ def _print_text(found: Finding, file: Path, *, verbose: bool) -> None:
         print(story(found.failure, _lines(found.failure, file), everything=verbose))
         print(f"\nRepeat it: taskrpc simulate {file} --seed {found.failure.seed} --runs 1")
         print(f"Hash of the run: {found.failure.hash}\n")
+    elif found.hash:
+        print(f"Hash of the run: {found.hash}")
     print(summary(found.coverage, found.shapes, found.seconds))
     if found.failure is None:
         print("No run failed.")
