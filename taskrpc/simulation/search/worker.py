@@ -68,9 +68,10 @@ class Worker:
 
     def _search(self, seeds: Sequence[int]) -> Any:
         from taskrpc.simulation.interpreter.refusals import CannotSimulate
+        from taskrpc.simulation.run.coverage import Coverage
         from taskrpc.simulation.search import protocol
 
-        coverage, shapes, last = protocol.Coverage(), [], ""
+        coverage, shapes, last = Coverage(), [], ""
         for seed in seeds:
             run = self._new_run(seed)
             result = run.play()
