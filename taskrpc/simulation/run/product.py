@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 from taskrpc.ros import hook
 from taskrpc.simulation.interpreter.interpreter import Interpreter
@@ -37,4 +37,15 @@ def use_product(interpreter: Interpreter, folder: Path) -> None:
     if not _is_watched:
         _is_watched = True
         watch_publishers(lambda: interpreter.run)
+        _install_no_signal_handlers()
     interpreter.state = ModuleState()
+
+
+def _install_no_signal_handlers() -> None:
+    """Keep rclpy from watching for signals, with a socket and a thread: none ever arrives."""
+
+    def ignore(*_: Any, **__: Any) -> None:
+        pass
+
+    for name in "rclpy", "rclpy.signals":
+        setattr(importlib.import_module(name), "install_signal_handlers", ignore)  # noqa: B010
