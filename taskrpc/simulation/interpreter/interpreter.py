@@ -22,7 +22,7 @@ from taskrpc.simulation.interpreter import watchdog
 from taskrpc.simulation.interpreter.clocks import Clocks
 from taskrpc.simulation.interpreter.loop import Policy, SimulatedLoop
 from taskrpc.simulation.interpreter.programs import Output, OwnModules, Process
-from taskrpc.simulation.interpreter.refusals import refuse
+from taskrpc.simulation.interpreter.refusals import cannot, refuse
 from taskrpc.simulation.interpreter.stacks import Stack, Stacks
 from taskrpc.simulation.interpreter.state import ModuleState
 from taskrpc.simulation.interpreter.threads import replace_threads
@@ -172,3 +172,18 @@ def _replace_process_functions(interpreter: Interpreter) -> None:
 
     os.getpid, atexit.register, atexit.unregister = getpid, register_function, unregister_function
     vars(signal).update(signal=signal_handler, getsignal=getsignal)
+    if hasattr(signal, "pause"):
+        vars(signal)["pause"] = lambda: interpreter.stacks.wait(lambda _: None, None)
+    for name in "raise_signal", "alarm", "setitimer":
+        if hasattr(signal, name):
+            vars(signal)[name] = _refuse_signals(interpreter, getattr(signal, name))
+
+
+def _refuse_signals(interpreter: Interpreter, real: Callable[..., Any]) -> Callable[..., Any]:
+    def refused(*given: Any) -> Any:
+        process = interpreter.process()
+        if process is not None:
+            raise cannot("a signal", process)
+        return real(*given)
+
+    return refused

@@ -159,6 +159,7 @@ def main() -> None:
     """Answer orders until stdin ends."""
     orders, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what anything else prints is no answer
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # no program reads the orders
     worker = Worker()
     from taskrpc.simulation.search import protocol
 
