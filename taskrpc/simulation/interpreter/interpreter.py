@@ -22,7 +22,7 @@ from taskrpc.simulation.interpreter import watchdog
 from taskrpc.simulation.interpreter.clocks import Clocks
 from taskrpc.simulation.interpreter.loop import Policy, SimulatedLoop
 from taskrpc.simulation.interpreter.programs import Output, OwnModules, Process
-from taskrpc.simulation.interpreter.refusals import cannot, refuse
+from taskrpc.simulation.interpreter.refusals import CannotSimulate, Refusals
 from taskrpc.simulation.interpreter.stacks import Stack, Stacks
 from taskrpc.simulation.interpreter.state import ModuleState
 from taskrpc.simulation.interpreter.threads import replace_threads
@@ -40,6 +40,9 @@ class PresentRun(Protocol):
 
     def thread_failed(self, process: Process, error: BaseException) -> None:
         """An exception has ended a thread of a program."""
+
+    def refused(self, process: Process, error: CannotSimulate) -> None:
+        """A program has tried what cannot be simulated."""
 
 
 class Interpreter:
@@ -87,6 +90,11 @@ class Interpreter:
         if process is not None and self.run is not None and error is not None:
             self.run.thread_failed(process, error)
 
+    def refused(self, process: Process, error: CannotSimulate) -> None:
+        """Tell the run that a program has tried what cannot be simulated."""
+        if self.run is not None:
+            self.run.refused(process, error)
+
     def randbytes(self, n: int, /) -> bytes:
         """Return random bytes for the running program."""
         assert self.run is not None
@@ -115,13 +123,15 @@ def prepare() -> Interpreter:
     real = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (Output(found.process, stream) for stream in real)
     sys.meta_path.insert(0, OwnModules(found.process))
+    refusals = Refusals(found.process, found.refused)
     _replace_process_functions(found)
+    _replace_signals(found, refusals)
     threading.excepthook = lambda failed: found.thread_failed(failed.exc_value)
     # The ends of killed programs run while their objects are freed; nothing of it matters.
     sys.unraisablehook = lambda _: None
     shown = warnings.showwarning
     warnings.showwarning = lambda *about: None if found.process() is None else shown(*about)
-    refuse(found.process)
+    refusals.install()
     gc.disable()  # `Run` collects between runs
     return found
 
@@ -133,9 +143,8 @@ def _new_loop(interpreter: Interpreter) -> SimulatedLoop:
 
 
 def _replace_process_functions(interpreter: Interpreter) -> None:
-    """Replace what a process has once: its number, its signals, the functions at its exit."""
+    """Replace what a process has once: its number, and the functions at its exit."""
     pid, register, unregister = os.getpid, atexit.register, atexit.unregister
-    set_handler, handler = signal.signal, signal.getsignal
 
     def getpid() -> int:
         process = interpreter.process()
@@ -155,6 +164,13 @@ def _replace_process_functions(interpreter: Interpreter) -> None:
         else:
             process.at_exit[:] = [each for each in process.at_exit if each[0] != function]
 
+    os.getpid, atexit.register, atexit.unregister = getpid, register_function, unregister_function
+
+
+def _replace_signals(interpreter: Interpreter, refusals: Refusals) -> None:
+    """Replace the functions of `signal`: none ever arrives."""
+    set_handler, handler = signal.signal, signal.getsignal
+
     def signal_handler(number: int, action: Any, /) -> Any:
         process = interpreter.process()
         if process is None:
@@ -170,20 +186,17 @@ def _replace_process_functions(interpreter: Interpreter) -> None:
         first = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
         return process.handlers.get(number, first)
 
-    os.getpid, atexit.register, atexit.unregister = getpid, register_function, unregister_function
     vars(signal).update(signal=signal_handler, getsignal=getsignal)
     if hasattr(signal, "pause"):
         vars(signal)["pause"] = lambda: interpreter.stacks.wait(lambda _: None, None)
     for name in "raise_signal", "alarm", "setitimer":
         if hasattr(signal, name):
-            vars(signal)[name] = _refuse_signals(interpreter, getattr(signal, name))
+            vars(signal)[name] = _refused(refusals, getattr(signal, name))
 
 
-def _refuse_signals(interpreter: Interpreter, real: Callable[..., Any]) -> Callable[..., Any]:
-    def refused(*given: Any) -> Any:
-        process = interpreter.process()
-        if process is not None:
-            raise cannot("a signal", process)
+def _refused(refusals: Refusals, real: Callable[..., Any]) -> Callable[..., Any]:
+    def checked(*given: Any) -> Any:
+        refusals.check("a signal")
         return real(*given)
 
-    return refused
+    return checked

@@ -31,17 +31,40 @@ class CannotSimulate(TaskRpcError):
     """A program uses something outside of the simulated world."""
 
 
-def refuse(present: Callable[[], Process | None]) -> None:
-    """Refuse these things to all programs from now on."""
+class Refusals:
+    """Refuses these things to all programs.
 
-    def hook(event: str, _: tuple[Any, ...]) -> None:
-        if (what := _EVENTS.get(event)) is not None and (process := present()) is not None:
-            raise cannot(what, process)
+    Args:
+        present: returns the running program.
+        tell: is called with each error, which the program may catch.
+    """
 
-    sys.addaudithook(hook)
+    def __init__(
+        self,
+        present: Callable[[], Process | None],
+        tell: Callable[[Process, CannotSimulate], object],
+    ) -> None:
+        self._present = present
+        self._tell = tell
+
+    def install(self) -> None:
+        """Begin."""
+
+        def hook(event: str, _: tuple[Any, ...]) -> None:
+            if (what := _EVENTS.get(event)) is not None:
+                self.check(what)
+
+        sys.addaudithook(hook)
+
+    def check(self, what: str) -> None:
+        """Raise CannotSimulate for something, if a program runs now."""
+        if (process := self._present()) is not None:
+            error = _cannot(what, process)
+            self._tell(process, error)
+            raise error
 
 
-def cannot(what: str, process: Process) -> CannotSimulate:
+def _cannot(what: str, process: Process) -> CannotSimulate:
     """Return the error for something that a program uses."""
     folder, frame, where = str(process.folder), sys._getframe(1), process.name
     while frame is not None:

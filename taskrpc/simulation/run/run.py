@@ -168,9 +168,7 @@ class Run:
 
     def ended(self, process: Process) -> None:
         """A program has ended."""
-        if isinstance(process.error, CannotSimulate):
-            self.fail(CannotSimulate.__name__, str(process.error))
-        elif isinstance(process.error, NeverWaits):
+        if isinstance(process.error, NeverWaits):
             words = f"{process.name} ran for {LIMIT:g} s without waiting for anything"
             self.fail(
                 f"{process.name} never waits",
@@ -190,6 +188,11 @@ class Run:
         text = explained(error, process.folder)
         process.write(text)
         self.fail(f"exception in a thread of {process.name}", text)
+
+    def refused(self, process: Process, error: CannotSimulate) -> None:
+        """A program has tried what cannot be simulated, and may catch the error."""
+        if not process.is_gone:
+            self.fail(CannotSimulate.__name__, str(error))
 
     def fault(self, name: str, program: str) -> None:
         """A fault has happened."""
