@@ -18,11 +18,12 @@ import warnings
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from taskrpc.simulation.interpreter import disk as disks
 from taskrpc.simulation.interpreter import watchdog
 from taskrpc.simulation.interpreter.clocks import Clocks
 from taskrpc.simulation.interpreter.loop import Policy, SimulatedLoop
 from taskrpc.simulation.interpreter.programs import Output, OwnModules, Process
-from taskrpc.simulation.interpreter.refusals import refuse
+from taskrpc.simulation.interpreter.refusals import CannotSimulate, cannot_simulate, refuse
 from taskrpc.simulation.interpreter.stacks import Stack, Stacks
 from taskrpc.simulation.interpreter.state import ModuleState
 from taskrpc.simulation.interpreter.threads import replace_threads
@@ -37,9 +38,13 @@ class PresentRun(Protocol):
     """For taskrpc's own ids, secrets and waits."""
     hubs: dict[int, Any]
     """The memory network, by domain."""
+    disk: disks.Disk
 
     def thread_failed(self, process: Process, error: BaseException) -> None:
         """An exception has ended a thread of a program."""
+
+    def refused(self, problem: str) -> None:
+        """A program does something that cannot be simulated."""
 
 
 class Interpreter:
@@ -60,6 +65,22 @@ class Interpreter:
         if stack is None or self.run is None:
             return None
         return self.run.processes.get(stack.program)
+
+    def disk(self) -> tuple[disks.Disk, Process] | None:
+        """Return the disk and the running program; None outside of programs."""
+        process = self.process()
+        if process is None or process.is_gone or self.run is None:
+            return None
+        return self.run.disk, process
+
+    def cannot(self, what: str) -> CannotSimulate:
+        """Return the error for something that the running program may not use."""
+        process = self.process()
+        assert process is not None
+        assert self.run is not None
+        error = cannot_simulate(what, process)
+        self.run.refused(str(error))  # the program may catch the error
+        return error
 
     def enter(self, stack: Stack) -> None:
         """Let the interpreter belong to the program of a stack."""
@@ -120,7 +141,8 @@ def prepare() -> Interpreter:
     sys.unraisablehook = lambda _: None
     shown = warnings.showwarning
     warnings.showwarning = lambda *about: None if found.process() is None else shown(*about)
-    refuse(found.process)
+    refuse(lambda: found.process() is not None, found.cannot)
+    disks.install(found.disk)
     gc.disable()  # `Run` collects between runs
     return found
 

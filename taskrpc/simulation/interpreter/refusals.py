@@ -27,17 +27,20 @@ class CannotSimulate(TaskRpcError):
     """A program uses something outside of the simulated world."""
 
 
-def refuse(present: Callable[[], Process | None]) -> None:
-    """Refuse these things to all programs from now on."""
+def refuse(is_program: Callable[[], bool], cannot: Callable[[str], Exception]) -> None:
+    """Refuse these things to all programs from now on.
+
+    `is_program`: whether a program runs now; `cannot` returns the error.
+    """
 
     def hook(event: str, _: tuple[Any, ...]) -> None:
-        if (what := _EVENTS.get(event)) is not None and (process := present()) is not None:
-            raise cannot(what, process)
+        if (what := _EVENTS.get(event)) is not None and is_program():
+            raise cannot(what)
 
     sys.addaudithook(hook)
 
 
-def cannot(what: str, process: Process) -> CannotSimulate:
+def cannot_simulate(what: str, process: Process) -> CannotSimulate:
     """Return the error for something that a program uses."""
     folder, frame, where = str(process.folder), sys._getframe(1), process.name
     while frame is not None:

@@ -12,6 +12,7 @@ import msgspec
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
+from taskrpc.simulation.interpreter.disk import Disk
 from taskrpc.simulation.interpreter.interpreter import Interpreter
 from taskrpc.simulation.interpreter.programs import Process, Source, explained, own_line
 from taskrpc.simulation.interpreter.refusals import CannotSimulate
@@ -34,6 +35,7 @@ START_WITHIN: Final = 0.5
 MAX_EVENTS: Final = 100_000
 """Events after which a run counts as one that never ends."""
 
+_KILLED = -9
 _MAX_CRASHES = 2
 _CRASH_SHARES = (0.0, 0.02, 0.08, 0.25)
 """The shares of a program's events at which it is killed; each run draws one of them."""
@@ -98,6 +100,7 @@ class Run:
         self.calls: list[CallRecord] = []
         self.faults_happened: list[str] = []
         self.failure: Failure | None = None
+        self.disk = Disk(World.folder, interpreter.cannot)
         self._interpreter = interpreter
         self._stacks = interpreter.stacks
         self._scenario = scenario
@@ -167,9 +170,7 @@ class Run:
 
     def ended(self, process: Process) -> None:
         """A program has ended."""
-        if isinstance(process.error, CannotSimulate):
-            self.fail(CannotSimulate.__name__, str(process.error))
-        elif isinstance(process.error, NeverWaits):
+        if isinstance(process.error, NeverWaits):
             words = f"{process.name} ran for {LIMIT:g} s without waiting for anything"
             self.fail(
                 f"{process.name} never waits",
@@ -189,6 +190,10 @@ class Run:
         text = explained(error, process.folder)
         process.write(text)
         self.fail(f"exception in a thread of {process.name}", text)
+
+    def refused(self, problem: str) -> None:
+        """A program does something that cannot be simulated."""
+        self.failure = Failure(CannotSimulate.__name__, problem)
 
     def fault(self, name: str, program: str) -> None:
         """A fault has happened."""
@@ -260,6 +265,7 @@ class Run:
             for process in self.processes.values():
                 process.is_gone = True
             stacks.reset()
+            self.disk.close()
             interpreter.leave()
             interpreter.run = None
         events = tuple(self.trace.events) if self._tells else ()
@@ -344,7 +350,7 @@ class Run:
                 continue
             process.is_gone = True
             if process.exit_code is None:
-                process.exit_code = -9
+                process.exit_code = _KILLED
                 self.note("crash", "is killed", process.name)
                 restart = self._scenario.fault_settings.restart
                 if restart is not None:
@@ -355,6 +361,8 @@ class Run:
                     self._coming.append((self.now + wait, entry, process.number + 1))
             for stack in self._stacks.of(process.id):
                 self._stacks.kill(stack)
+            if process.exit_code == _KILLED:
+                self.disk.crash(process.id, self._choices.chance(f"disk of {process.id}"))
             for hub in self.hubs.values():
                 self._network.crash(process.id, hub)
 
