@@ -6,6 +6,7 @@ without `faults` uses none of this.
 
 from __future__ import annotations
 
+import copy
 import logging
 import random
 from collections.abc import Callable
@@ -41,8 +42,8 @@ class CallFaults:
 
     Each specification is a kind of fault, and after a colon, separated by commas: a time (`0.5s`),
     a share of the calls (`0.2`), `first=N`, `service=NAME`, and `seed=N`. The kinds are
-    `lose-request`, `lose-response`, `delay-response`, `slow`, `busy` and `cut-connection`. The
-    same seed and the same calls give the same faults. Each fault is logged.
+    `lose-request`, `duplicate-request`, `lose-response`, `delay-response`, `slow`, `busy` and
+    `cut-connection`. The same seed and the same calls give the same faults. Each fault is logged.
 
     Args:
         specs: the specifications; a call that gets one fault does not count for the later ones.
@@ -88,6 +89,11 @@ class CallFaults:
             case FaultKind.BUSY:
                 problem = f"an injected fault: {call.service} is busy"
                 call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
+            case FaultKind.DUPLICATE_REQUEST:
+                twin = copy.copy(call)
+                twin.is_twin = True
+                serve(call)
+                serve(twin)
             case FaultKind.SLOW:
                 call.started = True  # as in a slow handler: after a timeout, the outcome is unknown
                 timer = call.connection.owner.loop.call_later(
@@ -118,10 +124,14 @@ class _FaultyCall(ObservedCall, eq=False, kw_only=True):
     """What happens to the response."""
     is_decided: bool = False
     """Whether it is decided which fault the call gets."""
+    is_twin: bool = False
+    """Whether it is a second arrival of another call, whose response nobody gets."""
 
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Answer with a response message, unless a fault prevents it."""
         fault, self.fault = self.fault, None
+        if self.is_twin:
+            return
         if fault is None or self.ended:
             super().reply(response, body)
             return
@@ -134,6 +144,11 @@ class _FaultyCall(ObservedCall, eq=False, kw_only=True):
             # Not at once: other calls of the same read are being handled.
             error = ConnectionLost("an injected fault cut the connection")
             loop.call_soon(cast("_Abortable", self.connection).abort, error)
+
+    def fail(self, error: TaskRpcError) -> None:
+        """Answer with an error."""
+        if not self.is_twin:
+            super().fail(error)
 
     def _reply_late(self, response: Any, body: bytes | None) -> None:
         try:

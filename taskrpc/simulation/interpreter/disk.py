@@ -167,10 +167,7 @@ def _lose(path: str, before: bytes | None, chance: random.Random) -> None:
             return
         after = before
     else:  # a part of it
-        same = next(
-            (at for at, (a, b) in enumerate(zip(before or b"", after, strict=False)) if a != b), 0
-        )
-        after = after[: same + int(chance.random() * (len(after) - same))]
+        after = after[: int(chance.random() * len(after))]
     with _open(path, "wb") as file:
         file.write(after)
 

@@ -115,7 +115,10 @@ class Interpreter:
 
     def ahead(self) -> float:
         """Return how far the wall clock of the running program is ahead, in seconds."""
-        return 0.0
+        process = self.process()
+        if process is None or process.clock is None:
+            return 0.0
+        return process.clock.ahead(self.stacks.now)
 
 
 _interpreter: Interpreter | None = None

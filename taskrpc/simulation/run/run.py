@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -14,7 +15,13 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
 from taskrpc.simulation.interpreter.disk import Disk
 from taskrpc.simulation.interpreter.interpreter import Interpreter
-from taskrpc.simulation.interpreter.programs import Process, Source, explained, own_line
+from taskrpc.simulation.interpreter.programs import (
+    Process,
+    Source,
+    WrongClock,
+    explained,
+    own_line,
+)
 from taskrpc.simulation.interpreter.refusals import CannotSimulate
 from taskrpc.simulation.interpreter.stacks import Stack, Stop
 from taskrpc.simulation.interpreter.threads import Handle
@@ -36,6 +43,12 @@ MAX_EVENTS: Final = 100_000
 """Events after which a run counts as one that never ends."""
 
 _KILLED = -9
+_OVERTAKEN = 1.0
+"""The most seconds for which a request is held back, so that others overtake it."""
+_SLOWEST = 0.02
+"""The most seconds that a step of a slow program takes."""
+_WRONG = (-3600.0, -2.0, 2.0, 3600.0)
+"""Seconds by which a wrong clock is ahead."""
 _MAX_CRASHES = 2
 _CRASH_SHARES = (0.0, 0.02, 0.08, 0.25)
 """The shares of a program's events at which it is killed; each run draws one of them."""
@@ -68,7 +81,7 @@ class Result(msgspec.Struct, frozen=True):
 def kind_of(fault: str) -> str:
     """Return the kind of a fault from its name: `lose request`, `kill`."""
     words = fault.split()
-    return words[0] if words[0] == "kill" else " ".join(words[:2])
+    return words[0] if words[0] in ("kill", "slow", "part") else " ".join(words[:2])
 
 
 class Run:
@@ -118,6 +131,10 @@ class Run:
         """Programs to kill after the present step."""
         self.messages: dict[str, list[Any]] = {}
         """The messages that were published, by topic."""
+        self._partition = (math.inf, math.inf)
+        """When two programs cannot reach each other: from, to."""
+        self._apart = ("", "")
+        self._apart_fault = ""
         self._coming: list[tuple[float, ProgramEntry, int]] = []
         """Programs that will start, with the time and the number of the start."""
         self.is_calm = False
@@ -213,13 +230,17 @@ class Run:
             return None
         settings, process = self._scenario.fault_settings, self.present()
         for words, share, kind in (
-            ("request", settings.lose_requests, FaultKind.LOSE_REQUEST),
-            ("response", settings.lose_responses, FaultKind.LOSE_RESPONSE),
+            ("lose request", settings.lose_requests, FaultKind.LOSE_REQUEST),
+            ("lose response", settings.lose_responses, FaultKind.LOSE_RESPONSE),
+            ("duplicate request", settings.duplicate_requests, FaultKind.DUPLICATE_REQUEST),
+            ("delay request", settings.reorder_requests, FaultKind.SLOW),
+            ("refuse request", settings.busy, FaultKind.BUSY),
         ):
-            name = f"lose {words} {count} of {service}"
+            name = f"{words} {count} of {service}"
             if self._choices.happens(name, share):
                 self.fault(name, "" if process is None else process.name)
-                return Fault(kind)
+                late = self._choices.seconds(f"how late {name}", 0.0, _OVERTAKEN)
+                return Fault(kind, seconds=late if kind is FaultKind.SLOW else 0.0)
         return None
 
     def _happened(self, kind: Kind, text: str, process: Process) -> None:
@@ -256,6 +277,7 @@ class Run:
             hub.conditions = self._network
         try:
             self._plan_starts()
+            self._plan_partition()
             self._advance(self._scenario.duration)
             self._check_at_end()
             self._offered = self._services()
@@ -306,18 +328,56 @@ class Run:
                 when = self._choices.seconds(f"start {entry.name}", 0.0, START_WITHIN)
             self._coming.append((when, entry, 1))
 
+    def _plan_partition(self) -> None:
+        """Choose two programs, and when they cannot reach each other."""
+        names = sorted(each.name for each in self._scenario.programs)
+        length = self._scenario.fault_settings.partition
+        if length is None or len(names) < 2:
+            return
+        one, other = self._choices.chance("who is apart").sample(names, 2)
+        fault = f"part {one} from {other}"
+        if self._choices.happens(fault, 0.7):
+            begin = self._choices.chance("when apart").expovariate(0.3)
+            self._partition = begin, begin + self._choices.seconds("how long apart", *length)
+            self._apart, self._apart_fault = (one, other), fault
+
+    def _keep_apart(self) -> None:
+        """Begin or end the partition if it is time."""
+        begin, end = self._partition
+        is_apart = begin <= self.now < end and not self.is_calm
+        if is_apart and not self._network.silent:
+            self.fault(self._apart_fault, self._apart[0])
+        if is_apart:
+            one, other = self._apart
+            self._network.silent = {
+                pair
+                for a in self.processes.values()
+                for b in self.processes.values()
+                for pair in ((a.id, b.id), (b.id, a.id))
+                if {a.name, b.name} == {one, other}
+            }
+        elif self._network.silent:
+            self.note("fault", f"{self._apart[0]} reaches {self._apart[1]} again")
+            self._network.heal()
+
+    def _next_change(self, until: float) -> float:
+        """Return when the run itself must do something."""
+        moments = [until, *self._partition, *(when for when, _, _ in self._coming)]
+        return min((each for each in moments if each > self.now), default=until)
+
     def _advance(self, until: float) -> None:
         """Let the programs run until a time, or until they have ended or failed."""
         stacks = self._stacks
         while self.failure is None and self.now < until:
             self._start_due()
-            begin = min((when for when, _, _ in self._coming), default=until)
-            stop = stacks.run(min(until, begin), self._choices.next, self._watch)
+            self._keep_apart()
+            change = self._next_change(until)
+            stop = stacks.run(min(until, change), self._choices.next, self._watch)
             self._end_doomed()
             if stop is Stop.IDLE:
-                if not self._coming:
+                if not self._coming and not self._network.silent:
                     return
-                stacks.now = max(stacks.now, begin)
+                stacks.now = max(stacks.now, change)
 
     def _start_due(self) -> None:
         due = sorted(each for each in self._coming if each[0] <= self.now)
@@ -329,9 +389,22 @@ class Run:
         chance = self._choices.chance(f"random of {entry.name} {number}")
         process = Process(entry.name, number, self._sources[entry.name], self._stacks, chance, self)
         process.pid = 1000 * (1 + len(self.processes))
+        self._handicap(process)
         self.processes[process.id] = process
         self.note("start", "starts" if number == 1 else "starts again", entry.name)
         process.start()
+
+    def _handicap(self, process: Process) -> None:
+        """Let a program be slow, or have a wrong clock."""
+        settings, name = self._scenario.fault_settings, process.name
+        if name in settings.slow and self._choices.happens(f"slow {name}", 0.5):
+            step = self._choices.seconds(f"how slow {process.id}", 0.0, _SLOWEST)
+            self._stacks.slowness[process.id] = step
+            self.fault(f"slow {name}", name)
+        if name in settings.wrong_clock and self._choices.happens(f"wrong clock {name}", 0.5):
+            chance = self._choices.chance(f"clock of {process.id}")
+            process.clock = WrongClock(chance.expovariate(0.3), chance.choice((*_WRONG, None)))
+            self.fault(f"wrong clock {name}", name)
 
     def _watch(self, stack: Stack) -> bool:
         """Look at what a step has done; returns whether to stop the stacks."""

@@ -22,6 +22,12 @@ _WORDS: Final = {
     "end": "{text}",
     "raise": "ends with {text}",
 }
+_PAST: Final = {
+    "lose": "lost",
+    "duplicate": "arriving twice",
+    "delay": "overtaken by others",
+    "refuse": "refused",
+}
 _LONGEST = 40
 """Events that are shown at most; the others in the middle are left out."""
 
@@ -54,11 +60,18 @@ def _needs(found: Explained) -> str:
 
 
 def _fault_words(name: str) -> str:
-    if name.startswith("lose "):
-        _, what, number, _, service = name.split()
-        return f"{what} {number} of {service} lost"
-    if name.startswith("kill "):
-        return f"{name.split()[1]} killed"
+    first, *words = name.split()
+    if first in _PAST and words[0] in ("request", "response"):
+        what, number, _, service = words
+        return f"{what} {number} of {service} {_PAST[first]}"
+    if first == "kill":
+        return f"{words[0]} killed"
+    if first == "part":
+        return f"{words[0]} and {words[2]} out of each other's reach"
+    if first == "slow":
+        return f"a slow {words[0]}"
+    if name.startswith("wrong clock"):
+        return f"a wrong clock in {words[1]}"
     return name
 
 
