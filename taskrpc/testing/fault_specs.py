@@ -23,7 +23,8 @@ MAX_NUMBER = 10**9
 
 ALLOWED = (
     "allowed are lose-request, duplicate-request, lose-response, delay-response:0.5s, slow:2s,"
-    " busy, cut-connection; then 0.3 (a share of the calls), first=N, service=NAME, seed=N, as in busy:0.3,first=9"
+    " busy, cut-connection; then 0.3 (a share of the calls), first=N, service=NAME, seed=N, as in"
+    " busy:0.3,first=9"
 )
 """The end of each error message."""
 

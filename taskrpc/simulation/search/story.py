@@ -1,8 +1,9 @@
-"""Tells a failing run so that a student understands it: one line an event; pure."""
+"""Tells a failing run so that a student understands it: one line an event."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Final
 
 from taskrpc.simulation.run.coverage import Coverage
@@ -101,6 +102,16 @@ def _source(event: Event, lines: Mapping[str, Sequence[str]]) -> str:
 
 def _waits(waits: Sequence[str]) -> list[str]:
     return ["", "At the end:", *(f"  {line}" for line in waits)] if waits else []
+
+
+def lines_of(found: Explained, folder: Path) -> dict[str, list[str]]:
+    """Return the lines of the files that the events name; looks for them in a folder."""
+    read = {}
+    for name in {each.where.partition(":")[0] for each in found.events if each.where}:
+        for path in folder.rglob(name):
+            read[name] = path.read_text(encoding="utf-8", errors="replace").splitlines()
+            break
+    return read
 
 
 def summary(coverage: Coverage, shapes: int, seconds: float) -> str:
