@@ -86,11 +86,15 @@ class Interpreter:
         """Let the interpreter belong to the program of a stack."""
         process = None if self.run is None else self.run.processes.get(stack.program)
         if process is not self._entered:
-            self.leave()
-            if process is not None:
+            if self._entered is None:
                 self._outside = self.state.take()
-                process.state = process.state or self.state.new()
-                self.state.put(process.state)
+            else:
+                self._entered.leave()
+                self._entered.state = self.state.take()
+            if process is None:
+                self.state.put(self._outside)
+            else:
+                self.state.put(process.state or self.state.new())
                 process.enter()
             self._entered = process
 

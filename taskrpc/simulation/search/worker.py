@@ -52,7 +52,6 @@ class Worker:
         os.chdir(folder)
         sys.path[0] = str(folder)
         self._scenario = _read(file.resolve())
-        use_product(self._interpreter, folder)
         World.folder = folder
         for entry in self._scenario.programs:
             source = Source((folder / entry.file).resolve(), entry.arguments)
@@ -64,6 +63,8 @@ class Worker:
             except SyntaxError as error:
                 raise TaskRpcError(f"{entry.file}:{error.lineno}: {error.msg}") from None
             self._sources[entry.name] = source
+        files = [each.file for each in self._sources.values()]
+        use_product(self._interpreter, folder, files)
         return protocol.Loaded([each.name for each in self._scenario.programs])
 
     def _search(self, seeds: Sequence[int]) -> Any:
