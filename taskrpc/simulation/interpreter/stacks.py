@@ -24,6 +24,9 @@ STEP: Final = 1e-6
 
 _FIRST_IDENT = 1000
 
+Killed = GreenletExit
+"""What ends the Python code of a killed stack."""
+
 
 class Stack:
     """One thread of one program."""
@@ -192,6 +195,8 @@ class Stacks:
         stack.is_dead = True
         if stack in self._ready:
             self._ready.remove(stack)
+        if stack.waiter is not None:
+            stack.waiter.wake(granted=False)  # its timer must not move the clock
 
     def of(self, program: str) -> list[Stack]:
         """Return the living stacks of a program, the oldest first."""

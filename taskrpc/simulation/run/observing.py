@@ -112,7 +112,7 @@ def watch_publishers(present: Callable[[], Any]) -> None:
             run.published(publisher.topic_name, message)
         publish(publisher, message)
 
-    Publisher.publish = noted  # type: ignore[method-assign]
+    Publisher.publish = noted  # type: ignore[assignment, method-assign]
 
 
 class RunFaults(CallFaults):

@@ -7,7 +7,7 @@ import importlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import srvgen
 from taskrpc.ros import hook
@@ -26,6 +26,7 @@ _IMPORTED: Final = (
 _OF_ROS: Final = ("rclpy.executors", "rclpy.node", "rclpy.action")
 """What rclpy itself imports late."""
 
+_load: Any = srvgen.load
 _is_watched = False
 
 
@@ -41,8 +42,20 @@ def use_product(interpreter: Interpreter, folder: Path, files: Sequence[Path]) -
     if "rclpy" in sys.modules:
         for name in _OF_ROS:
             importlib.import_module(name)
+    srvgen.load = functools.cache(_load)  # the files do not change during the runs
+    if "rclpy" in sys.modules:
+        _install_no_signal_handlers()
     if not _is_watched:
         _is_watched = True
         watch_publishers(lambda: interpreter.run)
-        srvgen.load = functools.cache(srvgen.load)
     interpreter.state = ModuleState()
+
+
+def _install_no_signal_handlers() -> None:
+    """Keep rclpy from watching for signals, with a socket and a thread: none ever arrives."""
+
+    def ignore(*_: Any, **__: Any) -> None:
+        pass
+
+    for name in "rclpy", "rclpy.signals":
+        setattr(importlib.import_module(name), "install_signal_handlers", ignore)  # noqa: B010

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import Any, Final
 
 import msgspec
@@ -169,11 +170,11 @@ class Run:
         if not self._tells:
             return ""
         folder = str(process.source.file.parent)
-        frame = sys._getframe(1)
+        frame: FrameType | None = sys._getframe(1)
         while frame is not None:
             if frame.f_code.co_filename.startswith(folder):
                 return f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}"
-            frame = frame.f_back  # type: ignore[assignment]
+            frame = frame.f_back
         for stack in self._stacks.of(process.id):
             if (line := own_line(stack, folder)) is not None:
                 return f"{Path(line[0]).name}:{line[1]}"

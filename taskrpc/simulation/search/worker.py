@@ -69,19 +69,21 @@ class Worker:
 
     def _search(self, seeds: Sequence[int]) -> Any:
         from taskrpc.simulation.interpreter.refusals import CannotSimulate
+        from taskrpc.simulation.run.coverage import Coverage
         from taskrpc.simulation.search import protocol
 
-        coverage, shapes = protocol.Coverage(), []
+        coverage, shapes, last = Coverage(), [], ""
         for seed in seeds:
             run = self._new_run(seed)
             result = run.play()
             coverage.add(run.coverage())
             shapes.append((seed, result.shape))
+            last = result.hash
             if result.failure is not None:
                 if result.failure.kind == CannotSimulate.__name__:
                     raise TaskRpcError(result.failure.text)
-                return protocol.Searched(coverage, shapes, seed)
-        return protocol.Searched(coverage, shapes, None)
+                return protocol.Searched(coverage, shapes, seed, last)
+        return protocol.Searched(coverage, shapes, None, last)
 
     def _explain(self, seed: int) -> Any:
         from taskrpc.simulation.search import protocol
