@@ -31,7 +31,12 @@ from taskrpc.simulation.run import calling, ends
 from taskrpc.simulation.run.choices import Choices
 from taskrpc.simulation.run.coverage import Coverage
 from taskrpc.simulation.run.network import RunNetwork
-from taskrpc.simulation.run.observing import RunFaults, RunObserver, is_hidden
+from taskrpc.simulation.run.observing import (
+    NamedFault,
+    RunFaults,
+    RunObserver,
+    is_hidden,
+)
 from taskrpc.simulation.run.trace import Event, Kind, Trace
 from taskrpc.simulation.run.world import CallRecord, World
 from taskrpc.simulation.scenario import ProgramEntry, Scenario
@@ -239,9 +244,10 @@ class Run:
         ):
             name = f"{words} {count} of {service}"
             if self._choices.happens(name, share):
-                self.fault(name, "" if process is None else process.name)
                 late = self._choices.seconds(f"how late {name}", 0.0, _OVERTAKEN)
-                return Fault(kind, seconds=late if kind is FaultKind.SLOW else 0.0)
+                seconds = late if kind is FaultKind.SLOW else 0.0
+                program = "" if process is None else process.name
+                return NamedFault(kind, seconds, name=name, program=program)
         return None
 
     def _happened(self, kind: Kind, text: str, process: Process) -> None:
