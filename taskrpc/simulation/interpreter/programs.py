@@ -308,6 +308,15 @@ def explained(error: BaseException, folder: Path) -> str:
     return "".join(told.format())
 
 
+def failed_line(error: BaseException, folder: Path) -> str:
+    """Return the last line of the user's files that an exception passed, with its text."""
+    told = traceback.TracebackException.from_exception(error)
+    own = [frame for frame in told.stack if frame.filename.startswith(str(folder))]
+    if not own:
+        return type(error).__name__
+    return f"{Path(own[-1].filename).name}:{own[-1].lineno}  {own[-1].line}"
+
+
 def _keep_own_lines(told: traceback.TracebackException | None, folder: str, seen: set[int]) -> None:
     if told is None or id(told) in seen:
         return

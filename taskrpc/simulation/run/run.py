@@ -21,6 +21,7 @@ from taskrpc.simulation.interpreter.programs import (
     Source,
     WrongClock,
     explained,
+    failed_line,
     own_line,
 )
 from taskrpc.simulation.interpreter.refusals import CannotSimulate
@@ -450,9 +451,11 @@ class Run:
         for check in checks:
             try:
                 check(self._world)
+            except AssertionError as error:
+                line = failed_line(error, self._world.folder)
+                self.fail(check.__name__, f"{error}\n{line}" if str(error) else line)
             except Exception as error:
-                words = str(error) or type(error).__name__
-                self.fail(f"{check.__name__}", f"{words}\n{explained(error, self._world.folder)}")
+                self.fail(check.__name__, explained(error, self._world.folder))
 
     def _check_at_end(self) -> None:
         self.is_calm = self._network.is_calm = True
