@@ -23,7 +23,7 @@ HAS_WHEELS = (
     and (3, 11) <= sys.version_info < (3, 15)
 )
 LIMIT = 180.0
-"""Seconds for one async test; pyzeros compiles its messages first, which takes up to a minute."""
+"""Seconds for one async test, without its fixtures; only a test that hangs takes so long."""
 
 
 def pytest_collection_modifyitems(items):

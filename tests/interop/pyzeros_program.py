@@ -1,4 +1,7 @@
-"""A program that uses pyzeros: `pyzeros_program.py PORT ACTION NAME`."""
+"""A program that uses pyzeros: `pyzeros_program.py PORT ACTION NAME`.
+
+`pyzeros_program.py compile` compiles what pyzeros needs, and keeps it in the working folder.
+"""
 
 from __future__ import annotations
 
@@ -56,14 +59,24 @@ async def listen(name):
         say(message.data)
 
 
-def main():
-    port, action, name = sys.argv[1:]
-    # Now: its first use runs a C compiler for seconds, unless the folder has the result.
+def compile_messages():
+    """Use the compiled code once, so that it is ready; without it, a C compiler runs first."""
     Attachment.deserialize(bytes((0, 1, 0, 0)) + Attachment().serialize()[4:])
+
+
+def open_session(port):
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
     config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
-    session = zenoh.open(config)
+    return zenoh.open(config)
+
+
+def main():
+    compile_messages()
+    if sys.argv[1:] == ["compile"]:
+        return
+    port, action, name = sys.argv[1:]
+    session = open_session(port)
     with pyzeros.auto_context(node="pyzeros", zenoh_session=session, namespace="/foreign"):
         asyncio.run(globals()[action](name))
 
