@@ -375,7 +375,7 @@ def _are_exact(items: list[Any], convert: Callable[[Any, str], Any]) -> bool:
     """Whether `convert` would change no element of a list; functions of C look at the elements."""
     types = set(map(type, items))
     if convert is to_byte:
-        return types == {bytes} and set(map(len, items)) == {1}
+        return types == {bytes} and _are_single_bytes(items)
     if convert is to_boolean:
         return types == {bool}
     bound = convert.keywords["bound"] if isinstance(convert, partial) else None
@@ -384,6 +384,14 @@ def _are_exact(items: list[Any], convert: Callable[[Any, str], Any]) -> bool:
     try:
         "".join(items).encode()
     except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _are_single_bytes(items: list[bytes]) -> bool:
+    try:
+        msgspec.convert(items, _LIMITED["byte[]"])
+    except msgspec.ValidationError:
         return False
     return True
 
@@ -553,17 +561,21 @@ def _limited(name: str) -> Any:
     return Annotated[int, msgspec.Meta(ge=low, le=high - 1)]
 
 
-_LIMITED = {
+_LIMITED: dict[str, Any] = {
     f"{sign}int{bits}": _limited(f"{sign}int{bits}")
     for sign in ("", "u")
     for bits in (8, 16, 32, 64)
 }
 _LIMITED["char"] = _LIMITED["uint8"]
 _LIMITED["byte"] = Annotated[bytes, msgspec.Meta(min_length=1, max_length=1)]
+_LIMITED["byte[]"] = GenericAlias(list, (_LIMITED["byte"],))
 """The annotations with which msgspec refuses values that do not fit their field."""
 
-_EXACT = frozenset({*_LIMITED, "bool", "float64", "string", "wstring"})
-"""Types whose decoded values need no check: not float32, which is rounded."""
+_EXACT = frozenset({*_LIMITED, "float64"}).union(
+    f"{type_}{end}" for type_ in ("bool", "string", "wstring") for end in ("", "[]")
+)
+"""Types whose decoded values need no check: not float32, which is rounded, nor an array of numbers,
+which is decoded as bytes."""
 
 
 def _limit_decoded_values(cls: type[Message]) -> None:

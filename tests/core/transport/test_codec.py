@@ -89,7 +89,10 @@ def test_errors_of_msgspec_contain_the_field_path(body, path, said):
     assert (caught.value.path, said in str(caught.value)) == (path, True)
 
 
-SCALARS = "int8 int16 int32 int64 uint8 uint16 uint32 uint64 char byte bool float64 string wstring"
+EXACT = (
+    "int8 int16 int32 int64 uint8 uint16 uint32 uint64 char byte bool float64 string wstring"
+    " byte[] bool[] string[] wstring[]"
+).split()
 edges = st.sampled_from([0, 7, 8, 15, 16, 31, 32, 63]).flatmap(
     lambda bits: st.sampled_from([-(2**bits) - 1, -(2**bits), 2**bits - 1, 2**bits])
 )
@@ -102,12 +105,14 @@ wire_values = st.one_of(
 )
 
 
-@pytest.mark.parametrize("type_", [*SCALARS.split(), "float32", "string<=1", "bool[]", "int8[]"])
-@given(values=st.lists(wire_values, min_size=1, max_size=8))
+@pytest.mark.parametrize(
+    "type_", [*EXACT, "float32", "string<=1", "bool[1]", "byte[<=2]", "int8[]"]
+)
+@given(values=st.lists(st.one_of(wire_values, st.lists(wire_values)), min_size=1, max_size=8))
 def test_message_that_is_decoded_without_a_check_would_pass_it_unchanged(type_, values):
     text = f"Inner inner\nInner[] more\n{'=' * 80}\nMSG: one_msgs/msg/Inner\n{type_} value\n"
     cls = srvgen.define("one_msgs/msg/Outer", text)
-    assert cls._DECODES_EXACTLY is (type_ in SCALARS.split())
+    assert cls._DECODES_EXACTLY is (type_ in EXACT)
     decode = codec_of(cls).decode
     for value in values:
         try:
