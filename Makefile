@@ -58,7 +58,7 @@ format:
 	$(BIN)/ruff format .
 
 # `make bench PYTHON=python3.12` for another Python; each has an environment of its own.
-BENCH = .venv-bench/$(notdir $(PYTHON))
+BENCH = .venv-bench/$(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')
 ARGS ?=
 
 bench:
