@@ -46,7 +46,7 @@ def main() -> int:
         results = run([each for each in CONTENDERS if each.name in names], settings)
     except KeyboardInterrupt:
         return 130
-    say(f"took {(time.monotonic() - began) / 60:.1f} minutes")
+    say(f"took {(time.monotonic() - began) / 60:.1f} min")
     write(results, folder)
     return 0
 

@@ -66,7 +66,8 @@ def run(contenders: Sequence[Contender], settings: Settings) -> Results:
     described = {**about(), "sources": sources_digest(), **asdict(settings)}
     results = Results(described, _versions(contenders))
     chosen = [each for each in contenders if not _leave_out(each, results)]
-    say(f"Python {results.python}: about {expected_minutes(chosen, settings):.0f} minutes")
+    minutes = expected_minutes(chosen, settings)
+    say(f"Python {results.python}, {len(chosen)} contenders: takes about {minutes:.0f} min")
     with ExitStack() as stack:
         pairs = _started(chosen, stack, results)
         field = Field(pairs, results)
