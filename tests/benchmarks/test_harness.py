@@ -41,6 +41,7 @@ TINY = Settings(
 )
 
 
+@pytest.mark.end_to_end
 @pytest.mark.real_time
 def test_small_benchmark_writes_tables_numbers_and_a_picture(tmp_path, monkeypatch):
     monkeypatch.setattr(idle, "_SETTLING", 0.01)

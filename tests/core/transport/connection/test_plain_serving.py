@@ -463,6 +463,7 @@ DIFFERENCES = [
 ]
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize(("owner", "name", "text", "by"), DIFFERENCES)
 def test_a_difference_between_the_paths_is_found(owner, name, text, by):
     @given(batches)
