@@ -15,7 +15,6 @@ import shutil
 import sqlite3
 import sys
 import tempfile
-import weakref
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, Protocol
@@ -81,7 +80,7 @@ class Disk:
         self._unsynced: dict[str, _Unsynced] = {}
         self._numbers: dict[int, str] = {}
         """The path of each open file by its number."""
-        self._databases: dict[str, list[weakref.ref[sqlite3.Connection]]] = {}
+        self._databases: dict[str, list[sqlite3.Connection]] = {}
 
     def path(self, path: Any, owner: Owner, *, writes: bool) -> Any:
         """Return where a path leads."""
@@ -114,20 +113,22 @@ class Disk:
 
     def connected(self, owner: Owner, connection: sqlite3.Connection) -> None:
         """Note a connection with a database."""
-        self._databases.setdefault(owner.id, []).append(weakref.ref(connection))
+        self._databases.setdefault(owner.id, []).append(connection)
 
     def crash(self, owner: str, chance: random.Random) -> None:
         """Lose, tear or keep what a killed program has not synced."""
-        for reference in self._databases.pop(owner, []):
-            if (connection := reference()) is not None:
-                connection.close()  # rolls back
+        for connection in self._databases.pop(owner, []):
+            connection.close()  # rolls back
         for path, known in list(self._unsynced.items()):
             if known.owner == owner:
                 del self._unsynced[path]
                 _lose(path, known.before, chance)
 
     def close(self) -> None:
-        """Delete the copy."""
+        """Close the databases and delete the copy."""
+        for connections in self._databases.values():
+            for connection in connections:
+                connection.close()
         if self._copy:
             shutil.rmtree(os.path.dirname(self._copy), ignore_errors=True)
 
