@@ -313,7 +313,7 @@ class Run:
         """Return what the run has reached."""
         found = Coverage(runs=1, seconds=self._ended_at)
         for call in self.calls:
-            if not call.is_hidden:
+            if call.program and not call.is_hidden:
                 found.calls[call.service] = found.calls.get(call.service, 0) + 1
                 if not call.ok:
                     found.unanswered[call.service] = found.unanswered.get(call.service, 0) + 1
