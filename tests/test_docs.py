@@ -224,6 +224,7 @@ MODULES = {
     "taskrpc.observe.web": importlib.import_module("taskrpc.observe.web").__all__,
     "taskrpc.observe.otel": ["Tracing"],
     "taskrpc.testing": importlib.import_module("taskrpc.testing").__all__,
+    "taskrpc.simulation": importlib.import_module("taskrpc.simulation").__all__,
     "taskrpc.robot": importlib.import_module("taskrpc.robot").__all__,
     "srvgen": srvgen.__all__,
 }
@@ -248,6 +249,7 @@ NOT_CONSTRUCTED = {
     "Srv",
     "Subscription",
     "Timer",
+    "World",
 }
 """Protocols, and classes whose objects only taskrpc creates: their constructors are not public."""
 
