@@ -246,10 +246,10 @@ NOT_CONSTRUCTED = {
     "Role",
     "ServerGoal",
     "Service",
+    "SimulatedWorld",
     "Srv",
     "Subscription",
     "Timer",
-    "World",
 }
 """Protocols, and classes whose objects only taskrpc creates: their constructors are not public."""
 

@@ -45,14 +45,14 @@ class Worker:
     def _load(self, file: Path) -> Any:
         from taskrpc.simulation.interpreter.programs import Source
         from taskrpc.simulation.run.product import use_product
-        from taskrpc.simulation.run.world import World
+        from taskrpc.simulation.run.world import SimulatedWorld
         from taskrpc.simulation.search import protocol
 
         folder = file.resolve().parent
         os.chdir(folder)
         sys.path[0] = str(folder)
         self._scenario = _read(file.resolve())
-        World.folder = folder
+        SimulatedWorld.folder = folder
         for entry in self._scenario.programs:
             source = Source((folder / entry.file).resolve(), entry.arguments)
             try:
