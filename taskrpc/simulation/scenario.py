@@ -122,7 +122,7 @@ class Scenario:
         return found
 
     def always(self, check: _Check) -> _Check:
-        """Decorate a function of the `SimulatedWorld` that must not raise, after each step of a run."""
+        """Decorate a function of the `SimulatedWorld` that must not raise after any step."""
         self.always_checks.append(check)
         return check
 
