@@ -63,6 +63,7 @@ class Clocks:
                 setattr(*module, seconds)
         for name in "process_time", "thread_time":
             setattr(time, name, time.monotonic)
+            setattr(time, f"{name}_ns", time.monotonic_ns)
         for name in "localtime", "gmtime", "ctime":
             real_function = getattr(time, name)
 
@@ -81,18 +82,19 @@ class Clocks:
         self._polls += 1
         if self._polls > POLLS:  # a loop that waits for a time
             stacks.sleep(_POLL)
+            self._step = stacks.steps  # so the next reading sleeps, too
         if wall:
             return FIRST_DAY + stacks.now + self._source().ahead()
         return 1000.0 + stacks.now
 
     def _install_dates(self) -> None:
-        real = datetimes.datetime
+        real: Any = datetimes.datetime
 
         class Meta(type):
             def __instancecheck__(cls, instance: object) -> bool:
                 return isinstance(instance, real)
 
-        class SimulatedDateTime(real, metaclass=Meta):
+        class SimulatedDateTime(real, metaclass=Meta):  # type: ignore[misc]
             @classmethod
             def now(cls, tz: datetimes.tzinfo | None = None) -> Any:
                 return cls.fromtimestamp(time.time(), tz)
