@@ -512,6 +512,9 @@ class Run:
                 continue
             if words := ends.stuck(self._stacks, process):
                 self.fail("a callback that never ends", words)
+            last = self.trace.events[process.last_event - 1].time if process.last_event else 0.0
+            if words := ends.polls(self._stacks, process, last):
+                self.fail(f"{process.name} never waits", words)
             self._look_for_calls(process)
 
     def _look_for_calls(self, process: Process) -> None:
