@@ -70,6 +70,11 @@ class CallFaults:
         offer = msgspec.structs.replace(route.offer, serve=serve)
         return msgspec.structs.replace(route, offer=offer, call=_FaultyCall)
 
+    def report(self, call: IncomingCall, fault: Fault) -> None:
+        """Log what happens to a call; it is called when it happens."""
+        where = call.number, call.service, call.caller
+        log.info("fault in call %d of %s from %s: %s", *where, fault.effect, extra=log_fields(call))
+
     def _serve(self, serve: Callable[[IncomingCall], None], incoming: IncomingCall) -> None:
         call = cast("_FaultyCall", incoming)
         if call.is_decided:  # the call waited for a free place, and arrives here again
@@ -81,8 +86,9 @@ class CallFaults:
             serve(call)
             return
         self.happened[fault.kind.value] = self.happened.get(fault.kind.value, 0) + 1
+        call.report = self.report
         if not fault.kind.concerns_response:
-            _report(call, fault)
+            self.report(call, fault)
         match fault.kind:
             case FaultKind.LOSE_REQUEST:
                 call.started = True  # otherwise the caller would learn that the call did not run
@@ -124,6 +130,8 @@ class _FaultyCall(ObservedCall, eq=False, kw_only=True):
     """What happens to the response."""
     is_decided: bool = False
     """Whether it is decided which fault the call gets."""
+    report: Callable[[IncomingCall, Fault], None] | None = None
+    """Is called when it happens."""
     is_twin: bool = False
     """Whether it is a second arrival of another call, whose response nobody gets."""
 
@@ -137,7 +145,8 @@ class _FaultyCall(ObservedCall, eq=False, kw_only=True):
             return
         self.started = True  # the caller must not learn that the call did not run
         loop = self.connection.owner.loop
-        _report(self, fault)
+        if self.report is not None:
+            self.report(self, fault)
         if fault.kind is FaultKind.DELAY_RESPONSE:
             loop.call_later(fault.seconds, self._reply_late, response, body)
         elif fault.kind is FaultKind.CUT_CONNECTION:
@@ -155,9 +164,3 @@ class _FaultyCall(ObservedCall, eq=False, kw_only=True):
             super().reply(response, body)
         except Exception as error:  # such as a response that is too large
             answer_unexpected(self, error)
-
-
-def _report(call: IncomingCall, fault: Fault) -> None:
-    """Log what happens to a call."""
-    where = call.number, call.service, call.caller
-    log.info("fault in call %d of %s from %s: %s", *where, fault.effect, extra=log_fields(call))

@@ -26,14 +26,14 @@ def configure(parser: ArgumentParser) -> None:
     add = parser.add_argument
     add("file", metavar="FILE", help="The scenario, such as warehouse.sim.py")
     amount = parser.add_mutually_exclusive_group()
-    what = f"How many runs. Default: {_RUNS}"
+    what = f"How many runs (default: {_RUNS})"
     amount.add_argument("--runs", metavar="N", type=whole(1), help=what)
     what = "Run for so many real seconds"
     seconds = number("above 0", lambda value: value > 0)
     amount.add_argument("--seconds", metavar="S", type=seconds, help=what)
-    what = "The first seed; the same seed gives the same run. Default: 0"
+    what = "The first seed; the same seed gives the same run (default: 0)"
     add("--seed", metavar="N", type=int, default=0, help=what)
-    what = "How many processes simulate. Default: as many as there are cores"
+    what = "How many processes simulate (default: as many as there are cores)"
     add("--jobs", metavar="N", type=whole(1), help=what)
     add("--json", action="store_true", help="Print one JSON object instead of text")
     what = "Record the failing run; `taskrpc view FILE` plays it"
@@ -111,6 +111,8 @@ def _print_text(found: Finding, file: Path, *, verbose: bool) -> None:
         print(story(found.failure, lines_of(found.failure, file.parent), everything=verbose))
         print(f"\nRepeat it: taskrpc simulate {file} --seed {found.failure.seed} --runs 1")
         print(f"Hash of the run: {found.failure.hash}\n")
+    elif found.hash:
+        print(f"Hash of the run: {found.hash}")
     print(summary(found.coverage, found.shapes, found.seconds))
     if found.failure is None:
         print("No run failed.")

@@ -86,11 +86,15 @@ class Interpreter:
         """Let the interpreter belong to the program of a stack."""
         process = None if self.run is None else self.run.processes.get(stack.program)
         if process is not self._entered:
-            self.leave()
-            if process is not None:
+            if self._entered is None:
                 self._outside = self.state.take()
-                process.state = process.state or self.state.new()
-                self.state.put(process.state)
+            else:
+                self._entered.leave()
+                self._entered.state = self.state.take()
+            if process is None:
+                self.state.put(self._outside)
+            else:
+                self.state.put(process.state or self.state.new())
                 process.enter()
             self._entered = process
 
@@ -134,7 +138,8 @@ def prepare() -> Interpreter:
     replace_threads(found.stacks, found.stacks.present_handle)
     Clocks(found.stacks, lambda: found).install()
     sys.modules["uvloop"] = None  # type: ignore[assignment]
-    asyncio.set_event_loop_policy(Policy(found.stacks, lambda: _new_loop(found)))
+    policy = Policy(found.stacks, lambda: _new_loop(found))  # type: ignore[abstract]
+    asyncio.set_event_loop_policy(policy)
     real = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (Output(found.process, stream) for stream in real)
     sys.meta_path.insert(0, OwnModules(found.process))
@@ -183,7 +188,7 @@ def _replace_process_functions(interpreter: Interpreter) -> None:
         process = interpreter.process()
         if process is None:
             return set_handler(number, action)
-        before = process.handlers.get(number, signal.SIG_DFL)
+        before = getsignal(number)
         process.handlers[number] = action
         return before
 
@@ -191,7 +196,8 @@ def _replace_process_functions(interpreter: Interpreter) -> None:
         process = interpreter.process()
         if process is None:
             return handler(number)
-        return process.handlers.get(number, signal.SIG_DFL)
+        first = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
+        return process.handlers.get(number, first)
 
     os.getpid, atexit.register, atexit.unregister = getpid, register_function, unregister_function
-    signal.signal, signal.getsignal = signal_handler, getsignal
+    vars(signal).update(signal=signal_handler, getsignal=getsignal)

@@ -7,10 +7,12 @@ import contextvars
 import math
 import random
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVarTuple, Unpack
 
 from taskrpc.simulation.interpreter.stacks import Stack, Stacks
 from taskrpc.simulation.interpreter.threads import Waiter
+
+_Arguments = TypeVarTuple("_Arguments")
 
 FIRST_DAY = 1_767_225_600.0
 """The time of day when a run begins: 2026-01-01 00:00 UTC, in seconds since 1970."""
@@ -54,8 +56,8 @@ class SimulatedLoop(asyncio.BaseEventLoop):
 
     def call_soon(
         self,
-        callback: Callable[..., object],
-        *args: Any,
+        callback: Callable[[Unpack[_Arguments]], object],
+        *args: *_Arguments,
         context: contextvars.Context | None = None,
     ) -> asyncio.Handle:
         """Call a function in the next turn; other programs may use it, too."""
@@ -67,8 +69,8 @@ class SimulatedLoop(asyncio.BaseEventLoop):
     def call_at(
         self,
         when: float,
-        callback: Callable[..., object],
-        *args: Any,
+        callback: Callable[[Unpack[_Arguments]], object],
+        *args: *_Arguments,
         context: contextvars.Context | None = None,
     ) -> asyncio.TimerHandle:
         """Call a function at a time; other programs may use it, too."""

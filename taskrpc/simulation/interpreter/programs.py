@@ -16,9 +16,8 @@ from pathlib import Path
 from types import CodeType, ModuleType
 from typing import Any, Final, Protocol
 
-from taskrpc.simulation.interpreter.stacks import Stack, Stacks
+from taskrpc.simulation.interpreter.stacks import Killed, Stack, Stacks
 from taskrpc.simulation.interpreter.threads import Handle
-from taskrpc.simulation.interpreter.watchdog import NeverWaits
 from taskrpc.spi import current_program
 
 MAX_OUTPUT: Final = 1_000_000
@@ -118,8 +117,12 @@ class Process:
         self.handlers: dict[int, Any] = {}
         """Its signal handlers."""
         self.at_exit: list[tuple[Callable[..., object], tuple[Any, ...], dict[str, Any]]] = []
-        self.main_ident = 0
-        self._next_thread = itertools.count(1).__next__
+        self._threads: dict[str, Any] = {
+            "_active": {},
+            "_limbo": {},
+            "_counter": itertools.count(1).__next__,
+        }
+        """The variables of `threading`."""
         self._stacks = stacks
         self._listener = listener
         self._rest = ""
@@ -129,14 +132,15 @@ class Process:
         """Start the main thread."""
         token = current_program.set(self.id)
         try:
-            thread, handle = threading.Thread(target=self._main, name="MainThread"), Handle()
+            thread = threading.Thread(target=self._main, name="MainThread", daemon=False)
+            handle = Handle()
             # Without `start`, which waits until the thread runs.
-            vars(threading)["_limbo"][thread] = thread
+            self._threads["_limbo"][thread] = thread
+            self._threads["_main_thread"] = thread
             if hasattr(thread, "_handle"):
                 setattr(thread, "_handle", handle)  # noqa: B010
             bootstrap = getattr(thread, "_bootstrap")  # noqa: B009
             self._stacks.start(bootstrap, handle)
-            self.main_ident = handle.ident or 0
         finally:
             current_program.reset(token)
 
@@ -164,10 +168,11 @@ class Process:
         """Let the interpreter's modules and arguments be those of this program."""
         sys.modules.update(self.modules)
         sys.argv = self._argv
-        threading._counter = self._next_thread  # type: ignore[attr-defined]
+        vars(threading).update(self._threads)
 
     def leave(self) -> None:
         """Undo `enter`."""
+        vars(threading).update(_OUTSIDE)
         for name in self.modules:
             sys.modules.pop(name, None)
 
@@ -188,17 +193,21 @@ class Process:
                 return end.code or 0
             self.write(f"{end.code}\n")
             return 1
-        except (Exception, NeverWaits) as error:
+        except Killed:
+            raise
+        except BaseException as error:
             self.error = error
             self.lines += explained(error, self.folder).splitlines()
             return 1
         return 0
 
     def _join_threads(self) -> None:
-        idents = {stack.ident for stack in self._stacks.of(self.id)}
-        for thread in threading.enumerate():
-            if thread.ident in idents and not thread.daemon and thread.ident != self.main_ident:
-                thread.join()
+        own = threading.current_thread()
+        while others := [each for each in threading.enumerate() if each is not own]:
+            living = [each for each in others if not each.daemon]
+            if not living:
+                return
+            living[0].join()
 
 
 def own_random(chance: random.Random) -> ModuleType:
@@ -213,6 +222,12 @@ def own_random(chance: random.Random) -> ModuleType:
         setattr(module, name, getattr(chance, name, getattr(random, name)))
     module.Random = OwnRandom  # type: ignore[attr-defined]
     return module
+
+
+_OUTSIDE: Final = {
+    name: vars(threading)[name] for name in ("_active", "_limbo", "_counter", "_main_thread")
+}
+"""The variables of `threading` outside of the programs."""
 
 
 class OwnModules(importlib.abc.MetaPathFinder, importlib.abc.Loader):
@@ -291,6 +306,15 @@ def explained(error: BaseException, folder: Path) -> str:
     told = traceback.TracebackException.from_exception(error)
     _keep_own_lines(told, str(folder), set())
     return "".join(told.format())
+
+
+def failed_line(error: BaseException, folder: Path) -> str:
+    """Return the last line of the user's files that an exception passed, with its text."""
+    told = traceback.TracebackException.from_exception(error)
+    own = [frame for frame in told.stack if frame.filename.startswith(str(folder))]
+    if not own:
+        return type(error).__name__
+    return f"{Path(own[-1].filename).name}:{own[-1].lineno}  {own[-1].line}"
 
 
 def _keep_own_lines(told: traceback.TracebackException | None, folder: str, seen: set[int]) -> None:

@@ -30,6 +30,9 @@ _POLL = 0.001
 
 _FIRST_IDENT = 1000
 
+Killed = GreenletExit
+"""What ends the Python code of a killed stack."""
+
 
 class Stack:
     """One thread of one program."""
@@ -204,6 +207,8 @@ class Stacks:
         stack.is_dead = True
         if stack in self._ready:
             self._ready.remove(stack)
+        if stack.waiter is not None:
+            stack.waiter.wake(granted=False)  # its timer must not move the clock
 
     def of(self, program: str) -> list[Stack]:
         """Return the living stacks of a program, the oldest first."""

@@ -8,6 +8,7 @@ import re
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import Any, Final
 
 import msgspec
@@ -21,6 +22,7 @@ from taskrpc.simulation.interpreter.programs import (
     Source,
     WrongClock,
     explained,
+    failed_line,
     own_line,
 )
 from taskrpc.simulation.interpreter.refusals import CannotSimulate
@@ -31,7 +33,12 @@ from taskrpc.simulation.run import calling, ends
 from taskrpc.simulation.run.choices import Choices
 from taskrpc.simulation.run.coverage import Coverage
 from taskrpc.simulation.run.network import RunNetwork
-from taskrpc.simulation.run.observing import RunFaults, RunObserver, is_hidden
+from taskrpc.simulation.run.observing import (
+    NamedFault,
+    RunFaults,
+    RunObserver,
+    is_hidden,
+)
 from taskrpc.simulation.run.trace import Event, Kind, Trace
 from taskrpc.simulation.run.world import CallRecord, World
 from taskrpc.simulation.scenario import ProgramEntry, Scenario
@@ -172,11 +179,11 @@ class Run:
         if not self._tells:
             return ""
         folder = str(process.source.file.parent)
-        frame = sys._getframe(1)
+        frame: FrameType | None = sys._getframe(1)
         while frame is not None:
             if frame.f_code.co_filename.startswith(folder):
                 return f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}"
-            frame = frame.f_back  # type: ignore[assignment]
+            frame = frame.f_back
         for stack in self._stacks.of(process.id):
             if (line := own_line(stack, folder)) is not None:
                 return f"{Path(line[0]).name}:{line[1]}"
@@ -242,9 +249,10 @@ class Run:
         ):
             name = f"{words} {count} of {service}"
             if self._choices.happens(name, share):
-                self.fault(name, "" if process is None else process.name)
                 late = self._choices.seconds(f"how late {name}", 0.0, _OVERTAKEN)
-                return Fault(kind, seconds=late if kind is FaultKind.SLOW else 0.0)
+                seconds = late if kind is FaultKind.SLOW else 0.0
+                program = "" if process is None else process.name
+                return NamedFault(kind, seconds, name=name, program=program)
         return None
 
     def _happened(self, kind: Kind, text: str, process: Process) -> None:
@@ -309,7 +317,7 @@ class Run:
         """Return what the run has reached."""
         found = Coverage(runs=1, seconds=self._ended_at)
         for call in self.calls:
-            if not call.is_hidden:
+            if call.program and not call.is_hidden:
                 found.calls[call.service] = found.calls.get(call.service, 0) + 1
                 if not call.ok:
                     found.unanswered[call.service] = found.unanswered.get(call.service, 0) + 1
@@ -447,9 +455,11 @@ class Run:
         for check in checks:
             try:
                 check(self._world)
+            except AssertionError as error:
+                line = failed_line(error, self._world.folder)
+                self.fail(check.__name__, f"{error}\n{line}" if str(error) else line)
             except Exception as error:
-                words = str(error) or type(error).__name__
-                self.fail(f"{check.__name__}", f"{words}\n{explained(error, self._world.folder)}")
+                self.fail(check.__name__, explained(error, self._world.folder))
 
     def _check_at_end(self) -> None:
         self.is_calm = self._network.is_calm = True

@@ -49,6 +49,8 @@ class Searched(msgspec.Struct, tag=True):
     """For each run, the seed and the hash of what happened in which order."""
     failed: int | None
     """The seed of the run that failed."""
+    hash: str
+    """The hash of the last run: runs with the same hash went the same way."""
 
 
 class Explained(msgspec.Struct, tag=True):

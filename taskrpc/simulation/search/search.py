@@ -99,6 +99,8 @@ class Finding(msgspec.Struct, frozen=True):
     seconds: float
     """Real seconds."""
     failure: Explained | None
+    hash: str = ""
+    """The hash of the run, if there was only one."""
 
 
 Progress = Callable[[Coverage, int, float], object]
@@ -131,17 +133,18 @@ def search(
     if runs == 1:
         jobs = 1
     with _Workers(file, jobs or os.cpu_count() or 1) as workers:
-        seeds, coverage, failed = Seeds(seed, runs), Coverage(), None
+        seeds, coverage, failed, last = Seeds(seed, runs), Coverage(), None, ""
         for answer in workers.search(seeds, end):
             coverage.add(answer.coverage)
             seeds.learn(answer.shapes)
+            last = answer.hash
             if answer.failed is not None:
                 failed = answer.failed if failed is None else min(failed, answer.failed)
                 workers.stop()
             progress(coverage, seeds.found, time.monotonic() - begin)
         taken = time.monotonic() - begin
         failure = None if failed is None else workers.first.ask(Explain(failed))
-        return Finding(coverage, seeds.found, taken, failure)
+        return Finding(coverage, seeds.found, taken, failure, last if runs == 1 else "")
 
 
 class _Workers:

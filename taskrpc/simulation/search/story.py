@@ -87,7 +87,8 @@ def _events(
     width = max((len(each.program) for each in events), default=0)
     told = []
     for each in events:
-        words = _WORDS[each.kind].format(text=each.text)
+        text = _fault_words(each.text) if each.kind == "fault" else each.text
+        words = _WORDS[each.kind].format(text=text)
         told.append(f"{each.time:8.3f} s  {each.program:<{width}}  {words}{_source(each, lines)}")
     if len(told) > _LONGEST and not everything:
         begin, end = _LONGEST // 4, _LONGEST - _LONGEST // 4

@@ -52,7 +52,6 @@ class Worker:
         os.chdir(folder)
         sys.path[0] = str(folder)
         self._scenario = _read(file.resolve())
-        use_product(self._interpreter, folder)
         World.folder = folder
         for entry in self._scenario.programs:
             source = Source((folder / entry.file).resolve(), entry.arguments)
@@ -64,23 +63,27 @@ class Worker:
             except SyntaxError as error:
                 raise TaskRpcError(f"{entry.file}:{error.lineno}: {error.msg}") from None
             self._sources[entry.name] = source
+        files = [each.file for each in self._sources.values()]
+        use_product(self._interpreter, folder, files)
         return protocol.Loaded([each.name for each in self._scenario.programs])
 
     def _search(self, seeds: Sequence[int]) -> Any:
         from taskrpc.simulation.interpreter.refusals import CannotSimulate
+        from taskrpc.simulation.run.coverage import Coverage
         from taskrpc.simulation.search import protocol
 
-        coverage, shapes = protocol.Coverage(), []
+        coverage, shapes, last = Coverage(), [], ""
         for seed in seeds:
             run = self._new_run(seed)
             result = run.play()
             coverage.add(run.coverage())
             shapes.append((seed, result.shape))
+            last = result.hash
             if result.failure is not None:
                 if result.failure.kind == CannotSimulate.__name__:
                     raise TaskRpcError(result.failure.text)
-                return protocol.Searched(coverage, shapes, seed)
-        return protocol.Searched(coverage, shapes, None)
+                return protocol.Searched(coverage, shapes, seed, last)
+        return protocol.Searched(coverage, shapes, None, last)
 
     def _explain(self, seed: int) -> Any:
         from taskrpc.simulation.search import protocol
