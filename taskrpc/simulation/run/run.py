@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -50,6 +51,8 @@ MAX_EVENTS: Final = 100_000
 """Events after which a run counts as one that never ends."""
 
 _KILLED = -9
+_STAMP = re.compile(r"(\[[A-Z]+\] )\[\d+\.\d+\] ")
+"""The time in a line of rclpy's log."""
 _OVERTAKEN = 1.0
 """The most seconds for which a request is held back, so that others overtake it."""
 _SLOWEST = 0.02
@@ -190,7 +193,8 @@ class Run:
         """A program has written a line."""
         self._printed += len(line)
         process.lines.append(line)
-        self._happened("print", line, process)
+        # The event has its time already, and is the same event at another time.
+        self._happened("print", _STAMP.sub(r"\1", line) if line.startswith("[") else line, process)
 
     def ended(self, process: Process) -> None:
         """A program has ended."""
@@ -518,6 +522,9 @@ class Run:
                 continue
             if words := ends.stuck(self._stacks, process):
                 self.fail("a callback that never ends", words)
+            last = self.trace.events[process.last_event - 1].time if process.last_event else 0.0
+            if words := ends.polls(self._stacks, process, last):
+                self.fail(f"{process.name} never waits", words)
             self._look_for_calls(process)
 
     def _look_for_calls(self, process: Process) -> None:

@@ -30,6 +30,10 @@ _PAST: Final = {
     "refuse": "refused",
 }
 _MOST_NAMES = 5
+_GROUP_WORDS: Final = {
+    "delays": "these delays of the network",
+    "order of starts": "this order of the starts",
+}
 _LONGEST = 40
 """Events that are shown at most; the others in the middle are left out."""
 
@@ -55,6 +59,7 @@ def story(found: Explained, lines: Mapping[str, Sequence[str]], *, everything: b
 
 def _needs(found: Explained) -> str:
     names = [_fault_words(each) for each in found.faults]
+    names += [_GROUP_WORDS[each] for each in found.groups]
     if not found.in_order:
         names.append("an unlucky order of the threads")
     what = " and ".join(names) or "no fault at all"

@@ -88,7 +88,7 @@ class Worker:
 
     def _explain(self, seed: int) -> Any:
         from taskrpc.simulation.search import protocol
-        from taskrpc.simulation.search.shrink import shrink
+        from taskrpc.simulation.search.shrink import GROUPS, shrink
 
         first = self._new_run(seed).play()
         kept, in_order = shrink(
@@ -102,6 +102,7 @@ class Worker:
             last.failure.kind,
             last.failure.text,
             [each for each in last.faults if each in kept],
+            [each for each in GROUPS if each in kept],
             in_order,
             first.hash,
             list(last.events),
