@@ -1,6 +1,6 @@
 """Run the checks of checks.toml in fresh virtual environments. All must pass before a landing.
 
-    .ci/run                 all checks, as many at a time as the machine has cores
+    .ci/run                 all checks, as many at a time as keep the machine's cores busy
     .ci/run lint types      these checks
     .ci/run --here lint     in the environment of this Python, which needs the packages
     .ci/run --list          the checks, and how long they take
@@ -25,6 +25,7 @@ import threading
 import time
 import tomllib
 from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -42,12 +43,12 @@ class Check:
     environment: str
     minutes: float
     needs: list[str] = field(default_factory=list)
-    cores: int = 1
+    cores: float = 1
     set: dict[str, str] = field(default_factory=dict)
 
 
 class Environments:
-    """Virtual environments by their extras; each is made when a check first needs it."""
+    """Virtual environments by their extras, made in the order in which checks need them."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -72,6 +73,13 @@ class Environments:
                 ready.touch()
         return home / BIN
 
+    def make(self, all_extras: Iterable[str]) -> None:
+        """Begin to make environments; what goes wrong is reported by the first check of each."""
+        makers = ThreadPoolExecutor(2)
+        for extras in dict.fromkeys(all_extras):
+            makers.submit(self.folder_of, extras)
+        makers.shutdown(wait=False)
+
     def _wheel(self, python: Path) -> Path:
         """Return taskrpc's wheel, which the first environment builds for all."""
         folder = self._folder / "wheel"
@@ -89,7 +97,7 @@ class Run:
     def __init__(self, checks: Iterable[Check], environments: Environments | None) -> None:
         self._waiting = list(checks)
         self._environments = environments
-        self._free = max(2, os.cpu_count() or 1)
+        self._free: float = max(2, os.cpu_count() or 1)
         self._cores = self._free
         self._changed = threading.Condition()
         self._begin = time.monotonic()
@@ -239,6 +247,8 @@ def main() -> int:
             ready.append(check)
     with tempfile.TemporaryDirectory(prefix="taskrpc-checks-") as folder:
         environments = None if options.here else Environments(Path(folder))
+        if environments is not None:
+            environments.make(check.environment for check in ready)
         run = Run(ready, environments)
         if not run.all():
             again = (
