@@ -6,6 +6,26 @@ of a scenario. `stacks` lets one thread run at a time and jumps the clock; `thre
 for a failing seed in the processes of `worker`, and `shrink` and `story` explain it.
 """
 
+from __future__ import annotations
+
 from taskrpc.simulation.scenario import Scenario
 
-__all__ = ["Scenario"]
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from taskrpc.simulation.checking import check_scenario as check_scenario
+    from taskrpc.simulation.run.world import SimulatedWorld as SimulatedWorld
+
+__all__ = ["Scenario", "SimulatedWorld", "check_scenario"]
+
+
+def __getattr__(name: str) -> object:
+    # Worker processes must replace threads and clocks before anything else is imported.
+    if name == "check_scenario":
+        from taskrpc.simulation.checking import check_scenario
+
+        return check_scenario
+    if name == "SimulatedWorld":
+        from taskrpc.simulation.run.world import SimulatedWorld
+
+        return SimulatedWorld
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

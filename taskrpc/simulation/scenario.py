@@ -12,7 +12,7 @@ import msgspec
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
-    from taskrpc.simulation.run.world import World
+    from taskrpc.simulation.run.world import SimulatedWorld
 
 _Check = TypeVar("_Check", bound="Callable[[Any], object]")
 
@@ -33,8 +33,21 @@ class Faults(msgspec.Struct, frozen=True):
     """The share of the requests that never reach their service, 0 to 1."""
     lose_responses: float = 0.0
     """The share of the responses that never reach their caller, 0 to 1."""
+    duplicate_requests: float = 0.0
+    """The share of the requests that reach their service twice, 0 to 1."""
+    reorder_requests: float = 0.0
+    """The share of the requests that later ones overtake, 0 to 1."""
+    busy: float = 0.0
+    """The share of the requests that are refused because the queue is full, 0 to 1."""
     delay: tuple[float, float] = (0.0, 0.0)
     """The least and the most seconds that a request, a response or a message takes."""
+    partition: tuple[float, float] | None = None
+    """The least and the most seconds for which two programs cannot reach each other, at a moment
+    of the run; None: never."""
+    slow: tuple[str, ...] = ()
+    """The programs that may be slow: each of their steps takes up to 20 ms."""
+    wrong_clock: tuple[str, ...] = ()
+    """The programs whose time of day may be wrong, jump, or stand still."""
     crash: tuple[str, ...] = ()
     """The programs that may be killed."""
     restart: tuple[float, float] | None = None
@@ -54,8 +67,8 @@ class Scenario:
         self.duration = _seconds("duration", duration, least=math.ulp(0.0))
         self.programs: list[ProgramEntry] = []
         self.fault_settings = Faults()
-        self.always_checks: list[Callable[[World], object]] = []
-        self.final_checks: list[Callable[[World], object]] = []
+        self.always_checks: list[Callable[[SimulatedWorld], object]] = []
+        self.final_checks: list[Callable[[SimulatedWorld], object]] = []
 
     def program(self, name: str, file: str | Path, *arguments: str) -> None:
         """Add a program: a Python file, which may import rclpy or taskrpc, and its arguments.
@@ -74,33 +87,47 @@ class Scenario:
         *,
         lose_requests: float = 0.0,
         lose_responses: float = 0.0,
+        duplicate_requests: float = 0.0,
+        reorder_requests: float = 0.0,
+        busy: float = 0.0,
         delay: tuple[float, float] = (0.0, 0.0),
+        partition: tuple[float, float] | None = None,
+        slow: Sequence[str] = (),
+        wrong_clock: Sequence[str] = (),
         crash: Sequence[str] = (),
         restart: tuple[float, float] | None = None,
     ) -> None:
         """Say which faults may happen; see `Faults`. Add the programs before."""
-        names = [each.name for each in self.programs]
-        if isinstance(crash, str):
-            crash = (crash,)
-        for name in crash:
-            if name not in names:
-                known = ", ".join(names) or "no program yet"
-                raise TaskRpcError(f"crash: expected names of programs ({known}), got {name!r}")
         self.fault_settings = Faults(
-            _share("lose_requests", lose_requests),
-            _share("lose_responses", lose_responses),
-            _range("delay", delay),
-            tuple(crash),
-            None if restart is None else _range("restart", restart),
+            lose_requests=_share("lose_requests", lose_requests),
+            lose_responses=_share("lose_responses", lose_responses),
+            duplicate_requests=_share("duplicate_requests", duplicate_requests),
+            reorder_requests=_share("reorder_requests", reorder_requests),
+            busy=_share("busy", busy),
+            delay=_range("delay", delay),
+            partition=None if partition is None else _range("partition", partition),
+            slow=self._names("slow", slow),
+            wrong_clock=self._names("wrong_clock", wrong_clock),
+            crash=self._names("crash", crash),
+            restart=None if restart is None else _range("restart", restart),
         )
 
+    def _names(self, what: str, names: Sequence[str]) -> tuple[str, ...]:
+        known = [each.name for each in self.programs]
+        found = (names,) if isinstance(names, str) else tuple(names)
+        for name in found:
+            if name not in known:
+                words = ", ".join(known) or "no program yet"
+                raise TaskRpcError(f"{what}: expected names of programs ({words}), got {name!r}")
+        return found
+
     def always(self, check: _Check) -> _Check:
-        """Decorate a function of the `World` that must not raise, after each step of a run."""
+        """Decorate a function of the `SimulatedWorld` that must not raise after any step."""
         self.always_checks.append(check)
         return check
 
     def finally_(self, check: _Check) -> _Check:
-        """Decorate a function of the `World` that must not raise at the end of a run."""
+        """Decorate a function of the `SimulatedWorld` that must not raise at the end of a run."""
         self.final_checks.append(check)
         return check
 

@@ -6,6 +6,7 @@ without `faults` uses none of this.
 
 from __future__ import annotations
 
+import copy
 import logging
 import random
 from collections.abc import Callable
@@ -41,8 +42,8 @@ class CallFaults:
 
     Each specification is a kind of fault, and after a colon, separated by commas: a time (`0.5s`),
     a share of the calls (`0.2`), `first=N`, `service=NAME`, and `seed=N`. The kinds are
-    `lose-request`, `lose-response`, `delay-response`, `slow`, `busy` and `cut-connection`. The
-    same seed and the same calls give the same faults. Each fault is logged.
+    `lose-request`, `duplicate-request`, `lose-response`, `delay-response`, `slow`, `busy` and
+    `cut-connection`. The same seed and the same calls give the same faults. Each fault is logged.
 
     Args:
         specs: the specifications; a call that gets one fault does not count for the later ones.
@@ -69,6 +70,11 @@ class CallFaults:
         offer = msgspec.structs.replace(route.offer, serve=serve)
         return msgspec.structs.replace(route, offer=offer, call=_FaultyCall)
 
+    def report(self, call: IncomingCall, fault: Fault) -> None:
+        """Log what happens to a call; it is called when it happens."""
+        where = call.number, call.service, call.caller
+        log.info("fault in call %d of %s from %s: %s", *where, fault.effect, extra=log_fields(call))
+
     def _serve(self, serve: Callable[[IncomingCall], None], incoming: IncomingCall) -> None:
         call = cast("_FaultyCall", incoming)
         if call.is_decided:  # the call waited for a free place, and arrives here again
@@ -80,14 +86,20 @@ class CallFaults:
             serve(call)
             return
         self.happened[fault.kind.value] = self.happened.get(fault.kind.value, 0) + 1
+        call.report = self.report
         if not fault.kind.concerns_response:
-            _report(call, fault)
+            self.report(call, fault)
         match fault.kind:
             case FaultKind.LOSE_REQUEST:
                 call.started = True  # otherwise the caller would learn that the call did not run
             case FaultKind.BUSY:
                 problem = f"an injected fault: {call.service} is busy"
                 call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
+            case FaultKind.DUPLICATE_REQUEST:
+                twin = copy.copy(call)
+                twin.is_twin = True
+                serve(call)
+                serve(twin)
             case FaultKind.SLOW:
                 call.started = True  # as in a slow handler: after a timeout, the outcome is unknown
                 timer = call.connection.owner.loop.call_later(
@@ -118,16 +130,23 @@ class _FaultyCall(ObservedCall, eq=False, kw_only=True):
     """What happens to the response."""
     is_decided: bool = False
     """Whether it is decided which fault the call gets."""
+    report: Callable[[IncomingCall, Fault], None] | None = None
+    """Is called when it happens."""
+    is_twin: bool = False
+    """Whether it is a second arrival of another call, whose response nobody gets."""
 
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Answer with a response message, unless a fault prevents it."""
         fault, self.fault = self.fault, None
+        if self.is_twin:
+            return
         if fault is None or self.ended:
             super().reply(response, body)
             return
         self.started = True  # the caller must not learn that the call did not run
         loop = self.connection.owner.loop
-        _report(self, fault)
+        if self.report is not None:
+            self.report(self, fault)
         if fault.kind is FaultKind.DELAY_RESPONSE:
             loop.call_later(fault.seconds, self._reply_late, response, body)
         elif fault.kind is FaultKind.CUT_CONNECTION:
@@ -135,14 +154,13 @@ class _FaultyCall(ObservedCall, eq=False, kw_only=True):
             error = ConnectionLost("an injected fault cut the connection")
             loop.call_soon(cast("_Abortable", self.connection).abort, error)
 
+    def fail(self, error: TaskRpcError) -> None:
+        """Answer with an error."""
+        if not self.is_twin:
+            super().fail(error)
+
     def _reply_late(self, response: Any, body: bytes | None) -> None:
         try:
             super().reply(response, body)
         except Exception as error:  # such as a response that is too large
             answer_unexpected(self, error)
-
-
-def _report(call: IncomingCall, fault: Fault) -> None:
-    """Log what happens to a call."""
-    where = call.number, call.service, call.caller
-    log.info("fault in call %d of %s from %s: %s", *where, fault.effect, extra=log_fields(call))

@@ -22,8 +22,9 @@ MAX_NUMBER = 10**9
 """The largest value of `first` and `seed`."""
 
 ALLOWED = (
-    "allowed are lose-request, lose-response, delay-response:0.5s, slow:2s, busy, cut-connection;"
-    " then 0.3 (a share of the calls), first=N, service=NAME, seed=N, as in busy:0.3,first=9"
+    "allowed are lose-request, duplicate-request, lose-response, delay-response:0.5s, slow:2s,"
+    " busy, cut-connection; then 0.3 (a share of the calls), first=N, service=NAME, seed=N, as in"
+    " busy:0.3,first=9"
 )
 """The end of each error message."""
 
@@ -33,6 +34,8 @@ class FaultKind(Enum):
 
     LOSE_REQUEST = "lose-request"
     """The service never gets the request."""
+    DUPLICATE_REQUEST = "duplicate-request"
+    """The service handles the request twice; the caller gets the first response."""
     LOSE_RESPONSE = "lose-response"
     """The service handles the request, and the caller never gets the response."""
     DELAY_RESPONSE = "delay-response"
@@ -52,11 +55,17 @@ class FaultKind(Enum):
     @property
     def concerns_response(self) -> bool:
         """Whether the service handles the request before the fault happens."""
-        return self not in (FaultKind.LOSE_REQUEST, FaultKind.SLOW, FaultKind.BUSY)
+        return self not in (
+            FaultKind.LOSE_REQUEST,
+            FaultKind.DUPLICATE_REQUEST,
+            FaultKind.SLOW,
+            FaultKind.BUSY,
+        )
 
 
 _EFFECTS = {
     FaultKind.LOSE_REQUEST: "the request is lost",
+    FaultKind.DUPLICATE_REQUEST: "the request arrives twice",
     FaultKind.LOSE_RESPONSE: "the response is lost",
     FaultKind.DELAY_RESPONSE: "the response is {seconds:g} s late",
     FaultKind.SLOW: "the handler takes {seconds:g} s longer",

@@ -9,7 +9,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from taskrpc.simulation.run.coverage import Coverage
-    from taskrpc.simulation.search.protocol import Explained
     from taskrpc.simulation.search.search import Finding
 
 _RUNS = 1000
@@ -106,10 +105,10 @@ def _progress(runs: int | None, seconds: float | None):  # type: ignore[no-untyp
 
 
 def _print_text(found: Finding, file: Path, *, verbose: bool) -> None:
-    from taskrpc.simulation.search.story import story, summary
+    from taskrpc.simulation.search.story import lines_of, story, summary
 
     if found.failure is not None:
-        print(story(found.failure, _lines(found.failure, file), everything=verbose))
+        print(story(found.failure, lines_of(found.failure, file.parent), everything=verbose))
         print(f"\nRepeat it: taskrpc simulate {file} --seed {found.failure.seed} --runs 1")
         print(f"Hash of the run: {found.failure.hash}\n")
     elif found.hash:
@@ -117,17 +116,6 @@ def _print_text(found: Finding, file: Path, *, verbose: bool) -> None:
     print(summary(found.coverage, found.shapes, found.seconds))
     if found.failure is None:
         print("No run failed.")
-
-
-def _lines(failure: Explained, file: Path) -> dict[str, list[str]]:
-    """The lines of the files that the events name."""
-    names = {each.where.partition(":")[0] for each in failure.events if each.where}
-    found = {}
-    for name in names:
-        for path in file.parent.rglob(name):
-            found[name] = path.read_text(encoding="utf-8", errors="replace").splitlines()
-            break
-    return found
 
 
 def _print_json(found: Finding) -> None:

@@ -37,6 +37,8 @@ _LEFT_OUT = (
     "taskrpc/ros/graduation/",
     "taskrpc/course/notebook/",
     "taskrpc/course/browser_lab/static/",
+    "taskrpc/simulation/run/",
+    "taskrpc/simulation/search/",
 )
 
 

@@ -16,7 +16,8 @@ from taskrpc.simulation.interpreter.stacks import Stacks
 POLLS: Final = 1000
 """How often a stack may read the clock in one step; after that, each reading lets others run."""
 
-_POLL = 0.001  # seconds that such a reading takes
+READS_A_CLOCK: Final = "_read"
+"""The name of the function in which such a stack lets others run."""
 
 
 class Source(Protocol):
@@ -91,7 +92,7 @@ class Clocks:
             self._step, self._polls = stacks.steps, 0
         self._polls += 1
         if self._polls > POLLS:  # a loop that waits for a time
-            stacks.sleep(_POLL)
+            stacks.sleep(0)
             self._step = stacks.steps  # so the next reading sleeps, too
         if wall:
             return FIRST_DAY + stacks.now + self._source().ahead()

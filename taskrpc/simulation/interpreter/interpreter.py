@@ -18,11 +18,12 @@ import warnings
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from taskrpc.simulation.interpreter import disk as disks
 from taskrpc.simulation.interpreter import watchdog
 from taskrpc.simulation.interpreter.clocks import Clocks
 from taskrpc.simulation.interpreter.loop import Policy, SimulatedLoop
 from taskrpc.simulation.interpreter.programs import Output, OwnModules, Process
-from taskrpc.simulation.interpreter.refusals import CannotSimulate, Refusals
+from taskrpc.simulation.interpreter.refusals import CannotSimulate, cannot_simulate, refuse
 from taskrpc.simulation.interpreter.stacks import Stack, Stacks
 from taskrpc.simulation.interpreter.state import ModuleState
 from taskrpc.simulation.interpreter.threads import replace_threads
@@ -37,12 +38,13 @@ class PresentRun(Protocol):
     """For taskrpc's own ids, secrets and waits."""
     hubs: dict[int, Any]
     """The memory network, by domain."""
+    disk: disks.Disk
 
     def thread_failed(self, process: Process, error: BaseException) -> None:
         """An exception has ended a thread of a program."""
 
-    def refused(self, process: Process, error: CannotSimulate) -> None:
-        """A program has tried what cannot be simulated."""
+    def refused(self, problem: str) -> None:
+        """A program does something that cannot be simulated."""
 
 
 class Interpreter:
@@ -64,15 +66,35 @@ class Interpreter:
             return None
         return self.run.processes.get(stack.program)
 
+    def disk(self) -> tuple[disks.Disk, Process] | None:
+        """Return the disk and the running program; None outside of programs."""
+        process = self.process()
+        if process is None or process.is_gone or self.run is None:
+            return None
+        return self.run.disk, process
+
+    def cannot(self, what: str) -> CannotSimulate:
+        """Return the error for something that the running program may not use."""
+        process = self.process()
+        assert process is not None
+        assert self.run is not None
+        error = cannot_simulate(what, process)
+        self.run.refused(str(error))  # the program may catch the error
+        return error
+
     def enter(self, stack: Stack) -> None:
         """Let the interpreter belong to the program of a stack."""
         process = None if self.run is None else self.run.processes.get(stack.program)
         if process is not self._entered:
-            self.leave()
-            if process is not None:
+            if self._entered is None:
                 self._outside = self.state.take()
-                process.state = process.state or self.state.new()
-                self.state.put(process.state)
+            else:
+                self._entered.leave()
+                self._entered.state = self.state.take()
+            if process is None:
+                self.state.put(self._outside)
+            else:
+                self.state.put(process.state or self.state.new())
                 process.enter()
             self._entered = process
 
@@ -90,11 +112,6 @@ class Interpreter:
         if process is not None and self.run is not None and error is not None:
             self.run.thread_failed(process, error)
 
-    def refused(self, process: Process, error: CannotSimulate) -> None:
-        """Tell the run that a program has tried what cannot be simulated."""
-        if self.run is not None:
-            self.run.refused(process, error)
-
     def randbytes(self, n: int, /) -> bytes:
         """Return random bytes for the running program."""
         assert self.run is not None
@@ -102,7 +119,10 @@ class Interpreter:
 
     def ahead(self) -> float:
         """Return how far the wall clock of the running program is ahead, in seconds."""
-        return 0.0
+        process = self.process()
+        if process is None or process.clock is None:
+            return 0.0
+        return process.clock.ahead(self.stacks.now)
 
 
 _interpreter: Interpreter | None = None
@@ -123,15 +143,14 @@ def prepare() -> Interpreter:
     real = sys.stdout, sys.stderr
     sys.stdout, sys.stderr = (Output(found.process, stream) for stream in real)
     sys.meta_path.insert(0, OwnModules(found.process))
-    refusals = Refusals(found.process, found.refused)
     _replace_process_functions(found)
-    _replace_signals(found, refusals)
     threading.excepthook = lambda failed: found.thread_failed(failed.exc_value)
     # The ends of killed programs run while their objects are freed; nothing of it matters.
     sys.unraisablehook = lambda _: None
     shown = warnings.showwarning
     warnings.showwarning = lambda *about: None if found.process() is None else shown(*about)
-    refusals.install()
+    refuse(lambda: found.process() is not None, found.cannot)
+    disks.install(found.disk)
     gc.disable()  # `Run` collects between runs
     return found
 
@@ -143,8 +162,9 @@ def _new_loop(interpreter: Interpreter) -> SimulatedLoop:
 
 
 def _replace_process_functions(interpreter: Interpreter) -> None:
-    """Replace what a process has once: its number, and the functions at its exit."""
+    """Replace what a process has once: its number, its signals, the functions at its exit."""
     pid, register, unregister = os.getpid, atexit.register, atexit.unregister
+    set_handler, handler = signal.signal, signal.getsignal
 
     def getpid() -> int:
         process = interpreter.process()
@@ -164,13 +184,6 @@ def _replace_process_functions(interpreter: Interpreter) -> None:
         else:
             process.at_exit[:] = [each for each in process.at_exit if each[0] != function]
 
-    os.getpid, atexit.register, atexit.unregister = getpid, register_function, unregister_function
-
-
-def _replace_signals(interpreter: Interpreter, refusals: Refusals) -> None:
-    """Replace the functions of `signal`: none ever arrives."""
-    set_handler, handler = signal.signal, signal.getsignal
-
     def signal_handler(number: int, action: Any, /) -> Any:
         process = interpreter.process()
         if process is None:
@@ -186,17 +199,20 @@ def _replace_signals(interpreter: Interpreter, refusals: Refusals) -> None:
         first = signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL
         return process.handlers.get(number, first)
 
+    os.getpid, atexit.register, atexit.unregister = getpid, register_function, unregister_function
     vars(signal).update(signal=signal_handler, getsignal=getsignal)
     if hasattr(signal, "pause"):
         vars(signal)["pause"] = lambda: interpreter.stacks.wait(lambda _: None, None)
     for name in "raise_signal", "alarm", "setitimer":
         if hasattr(signal, name):
-            vars(signal)[name] = _refused(refusals, getattr(signal, name))
+            vars(signal)[name] = _refuse_signals(interpreter, getattr(signal, name))
 
 
-def _refused(refusals: Refusals, real: Callable[..., Any]) -> Callable[..., Any]:
-    def checked(*given: Any) -> Any:
-        refusals.check("a signal")
+def _refuse_signals(interpreter: Interpreter, real: Callable[..., Any]) -> Callable[..., Any]:
+    def refused(*given: Any) -> Any:
+        process = interpreter.process()
+        if process is not None:
+            raise interpreter.cannot("a signal")
         return real(*given)
 
-    return checked
+    return refused

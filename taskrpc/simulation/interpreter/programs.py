@@ -51,6 +51,25 @@ class Source:
         return code
 
 
+class WrongClock:
+    """The error of a program's time of day.
+
+    Args:
+        since: virtual seconds from which on it is wrong.
+        ahead: seconds by which it is ahead; None: it stands still.
+    """
+
+    def __init__(self, since: float, ahead: float | None) -> None:
+        self._since = since
+        self._ahead = ahead
+
+    def ahead(self, now: float) -> float:
+        """Return how far the clock is ahead, in seconds."""
+        if now < self._since:
+            return 0.0
+        return self._since - now if self._ahead is None else self._ahead
+
+
 class Process:
     """One life of a program, from a start to its end.
 
@@ -87,6 +106,8 @@ class Process:
         """What it has printed and logged."""
         self.last_event = 0
         """How many events the run had when this program last did something visible."""
+        self.clock: WrongClock | None = None
+        """None: its time of day is right."""
         self.pid = 0
         self.state: list[Any] = []
         """Its values of `ModuleState`; [] before it first runs."""
@@ -285,6 +306,15 @@ def explained(error: BaseException, folder: Path) -> str:
     told = traceback.TracebackException.from_exception(error)
     _keep_own_lines(told, str(folder), set())
     return "".join(told.format())
+
+
+def failed_line(error: BaseException, folder: Path) -> str:
+    """Return the last line of the user's files that an exception passed, with its text."""
+    told = traceback.TracebackException.from_exception(error)
+    own = [frame for frame in told.stack if frame.filename.startswith(str(folder))]
+    if not own:
+        return type(error).__name__
+    return f"{Path(own[-1].filename).name}:{own[-1].lineno}  {own[-1].line}"
 
 
 def _keep_own_lines(told: traceback.TracebackException | None, folder: str, seen: set[int]) -> None:

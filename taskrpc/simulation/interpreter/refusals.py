@@ -31,40 +31,20 @@ class CannotSimulate(TaskRpcError):
     """A program uses something outside of the simulated world."""
 
 
-class Refusals:
-    """Refuses these things to all programs.
+def refuse(is_program: Callable[[], bool], cannot: Callable[[str], Exception]) -> None:
+    """Refuse these things to all programs from now on.
 
-    Args:
-        present: returns the running program.
-        tell: is called with each error, which the program may catch.
+    `is_program`: whether a program runs now; `cannot` returns the error.
     """
 
-    def __init__(
-        self,
-        present: Callable[[], Process | None],
-        tell: Callable[[Process, CannotSimulate], object],
-    ) -> None:
-        self._present = present
-        self._tell = tell
+    def hook(event: str, _: tuple[Any, ...]) -> None:
+        if (what := _EVENTS.get(event)) is not None and is_program():
+            raise cannot(what)
 
-    def install(self) -> None:
-        """Begin."""
-
-        def hook(event: str, _: tuple[Any, ...]) -> None:
-            if (what := _EVENTS.get(event)) is not None:
-                self.check(what)
-
-        sys.addaudithook(hook)
-
-    def check(self, what: str) -> None:
-        """Raise CannotSimulate for something, if a program runs now."""
-        if (process := self._present()) is not None:
-            error = _cannot(what, process)
-            self._tell(process, error)
-            raise error
+    sys.addaudithook(hook)
 
 
-def _cannot(what: str, process: Process) -> CannotSimulate:
+def cannot_simulate(what: str, process: Process) -> CannotSimulate:
     """Return the error for something that a program uses."""
     folder, frame, where = str(process.folder), sys._getframe(1), process.name
     while frame is not None:

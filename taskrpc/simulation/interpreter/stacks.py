@@ -23,6 +23,12 @@ from taskrpc.spi import current_program
 STEP: Final = 1e-6
 """Seconds of virtual time that a stack runs until it waits."""
 
+_RESTLESS = 10_000
+"""Steps without a moment in which all stacks wait; after them, a program polls something."""
+
+_POLL = 0.001
+"""Seconds of virtual time for a step from then on, so that what it polls can happen."""
+
 _FIRST_IDENT = 1000
 
 _MOST_CATCHES = 50
@@ -46,6 +52,8 @@ class Stack:
         self.waiter: StackWaiter | None = None
         """The wait that it is in; None while it is ready or runs."""
         self.is_dead = False
+        self.polls_since: float | None = None
+        """Since when it has only let others run, and has not waited."""
         self.greenlet: greenlet
         self.running_loop: asyncio.AbstractEventLoop | None = None
         self.own_loop: asyncio.AbstractEventLoop | None = None
@@ -176,6 +184,10 @@ class Stacks:
         if me.is_dead:
             self._hub.switch()  # back to `reset`: a program may catch the exception in a loop
             raise GreenletExit
+        if timeout != 0:
+            me.polls_since = None
+        elif me.polls_since is None:
+            me.polls_since = self.now
         waiter = StackWaiter(self, me)
         begin(waiter)
         if timeout == 0:
@@ -223,7 +235,7 @@ class Stacks:
 
         `watch` is called after each step with the stack that ran; it returns True to stop.
         """
-        ready, timers = self._ready, self._timers
+        ready, timers, restless = self._ready, self._timers, self.steps + _RESTLESS
         while True:
             while timers and (timers[0][0] <= self.now or timers[0][2].is_over):
                 heapq.heappop(timers)[2].wake(granted=False)
@@ -234,12 +246,13 @@ class Stacks:
                     self.now = until
                     return Stop.TIME
                 self.now = timers[0][0]
+                restless = self.steps + _RESTLESS
                 continue
             stack = ready.pop(choose(ready) if len(ready) > 1 else 0)
             self._switch(stack)
             self.steps += 1
             # The clock must move even where adding a step would not change it.
-            step = self.slowness.get(stack.program, STEP)
+            step = self.slowness.get(stack.program, STEP) if self.steps < restless else _POLL
             self.now = max(self.now + step, math.nextafter(self.now, math.inf))
             if watch(stack):
                 return Stop.ASKED

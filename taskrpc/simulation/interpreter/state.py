@@ -8,6 +8,7 @@ such as rclpy's default context, is exchanged when another program continues.
 from __future__ import annotations
 
 import collections
+import itertools
 import logging
 import os
 import sys
@@ -41,16 +42,25 @@ class ModuleState:
     """The variables that each program has for itself; made when all modules are imported."""
 
     def __init__(self) -> None:
-        self._places: list[tuple[Any, str]] = []
-        self._first: list[Any] = []
-        """The values of a new program, in the order of `_places`."""
-        self._copy_of: list[int] = []
-        """For each place, the first place with the same object."""
-        known: dict[int, int] = {}
-        for owner, name, value in _variables():
-            self._copy_of.append(known.setdefault(id(value), len(self._places)))
-            self._places.append((owner, name))
-            self._first.append(value if isinstance(value, _PLAIN) else value.copy())
+        self._owners: list[Any] = []
+        """Modules' dictionaries, and classes; the variables of one stand together."""
+        self._names: list[tuple[str, ...]] = []
+        """The names of the variables of each owner."""
+        self._first: list[list[Any]] = []
+        """The values of a new program, as `take` returns them."""
+        self._copy_of: dict[tuple[int, int], tuple[int, int]] = {}
+        """For variables with the same object as another one, the place of the first one."""
+        known: dict[int, tuple[int, int]] = {}
+        for owner, names, values in _grouped():
+            for index, value in enumerate(values):
+                place = len(self._owners), index
+                if not isinstance(value, _PLAIN) and known.setdefault(id(value), place) != place:
+                    self._copy_of[place] = known[id(value)]
+            self._owners.append(owner)
+            self._names.append(names)
+            self._first.append(
+                [value if isinstance(value, _PLAIN) else value.copy() for value in values]
+            )
 
     @property
     def names(self) -> list[str]:
@@ -59,35 +69,45 @@ class ModuleState:
             f"{owner.get('__name__', '')}.{name}"
             if isinstance(owner, dict)
             else f"{owner.__module__}.{owner.__qualname__}.{name}"
-            for owner, name in self._places
+            for owner, names in zip(self._owners, self._names, strict=True)
+            for name in names
         ]
 
-    def new(self) -> list[Any]:
+    def new(self) -> list[list[Any]]:
         """Return the values for a new program."""
-        values: list[Any] = []
-        for index, value in enumerate(self._first):
-            if isinstance(value, _PLAIN):
-                values.append(value)
-            elif self._copy_of[index] == index:
-                values.append(value.copy())
-            else:
-                values.append(values[self._copy_of[index]])
-        return values
+        found = [
+            [value if isinstance(value, _PLAIN) else value.copy() for value in values]
+            for values in self._first
+        ]
+        for (owner, index), (first, at) in self._copy_of.items():
+            found[owner][index] = found[first][at]
+        return found
 
-    def take(self) -> list[Any]:
+    def take(self) -> list[list[Any]]:
         """Return the present values."""
         return [
-            owner[name] if type(owner) is dict else owner.__dict__[name]
-            for owner, name in self._places
+            [owner[name] for name in names]
+            if type(owner) is dict
+            else [owner.__dict__[name] for name in names]
+            for owner, names in zip(self._owners, self._names, strict=True)
         ]
 
-    def put(self, values: list[Any]) -> None:
+    def put(self, values: list[list[Any]]) -> None:
         """Let these be the present values."""
-        for (owner, name), value in zip(self._places, values, strict=True):
+        for owner, names, own in zip(self._owners, self._names, values, strict=True):
             if type(owner) is dict:
-                owner[name] = value
-            elif owner.__dict__[name] is not value:
-                setattr(owner, name, value)
+                owner.update(zip(names, own, strict=True))
+            else:
+                for name, value in zip(names, own, strict=True):
+                    if owner.__dict__[name] is not value:
+                        setattr(owner, name, value)
+
+
+def _grouped() -> Iterator[tuple[Any, tuple[str, ...], list[Any]]]:
+    """Yield each owner of variables, and their names and values."""
+    for _, group in itertools.groupby(_variables(), key=lambda each: id(each[0])):
+        variables = list(group)
+        yield variables[0][0], tuple(each[1] for each in variables), [each[2] for each in variables]
 
 
 def _variables() -> Iterator[tuple[Any, str, Any]]:

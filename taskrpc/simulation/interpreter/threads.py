@@ -145,7 +145,9 @@ class Handle:
         self.end()
 
 
-def replace_threads(scheduler: Scheduler, present: Callable[[], Handle | None]) -> None:
+def replace_threads(
+    scheduler: Scheduler, present: Callable[[], Handle | None] = lambda: None
+) -> None:
     """Let all threads of this interpreter be stacks of a scheduler from now on.
 
     Call it once, before the modules that use threads are imported. `present` returns the handle of

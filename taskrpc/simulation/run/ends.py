@@ -6,6 +6,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
+from taskrpc.simulation.interpreter.clocks import READS_A_CLOCK
 from taskrpc.simulation.interpreter.programs import Process
 from taskrpc.simulation.interpreter.stacks import Stack, Stacks
 from taskrpc.simulation.interpreter.threads import Lock
@@ -102,6 +103,18 @@ def stuck(stacks: Stacks, process: Process) -> str:
     for each in waits:
         if each.line and not each.has_timeout and not each.serves and each.is_callback:
             return f"a callback of {process.name} waits for ever at {each.line}"
+    return ""
+
+
+def polls(stacks: Stacks, process: Process, silent_since: float) -> str:
+    """Return where a program asks for something again and again, "" if it does not."""
+    for stack in stacks.of(process.id):
+        since = max(stack.polls_since or 0.0, silent_since)
+        if stack.polls_since is not None and stacks.now - since > SILENCE:
+            each = Waiting(process, stack)
+            if READS_A_CLOCK in each.inner:
+                words = f"{process.name} asks again and again at {each.line}, since {since:.2f} s"
+                return f"{words}, and nothing in this thread changes what it asks for"
     return ""
 
 

@@ -56,6 +56,9 @@ class Noting(Protocol):
     def published(self, topic: str, message: Any) -> None:
         """A program publishes a message."""
 
+    def fault(self, name: str, program: str) -> None:
+        """A fault has happened."""
+
     def fault_of_call(self, service: str, count: int) -> Fault | None:
         """Return the fault of a call, the `count`th that arrived at a service."""
 
@@ -121,6 +124,20 @@ class RunFaults(CallFaults):
     def __init__(self, run: Noting) -> None:
         super().__init__()
         self.plan = _Plan(run)
+        self._run = run
+
+    def report(self, call: object, fault: Fault) -> None:
+        """Note a fault of a call in the trace."""
+        if isinstance(fault, NamedFault):
+            self._run.fault(fault.name, fault.program)
+
+
+class NamedFault(Fault, frozen=True, kw_only=True):
+    """A fault of a call, with its name in the choices."""
+
+    name: str
+    program: str
+    """The program that the call reached."""
 
 
 class _Plan:
@@ -138,4 +155,5 @@ class _Plan:
 
 def is_hidden(service: str) -> bool:
     """Whether a service is one that taskrpc or rclpy makes by itself."""
-    return service.startswith(_HIDDEN) or service.endswith(_OF_PARAMETERS)
+    inner = "/_action/" in service
+    return inner or service.startswith(_HIDDEN) or service.endswith(_OF_PARAMETERS)

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
+import srvgen
 from taskrpc.ros import hook
+from taskrpc.simulation.interpreter.imports import import_for
 from taskrpc.simulation.interpreter.interpreter import Interpreter
 from taskrpc.simulation.interpreter.state import ModuleState
 from taskrpc.simulation.run.observing import watch_publishers
@@ -16,28 +21,33 @@ _IMPORTED: Final = (
     "taskrpc.sync",
     "taskrpc.actions",
     "taskrpc.simulation.run.network",
-    "rclpy",
-    "rclpy.executors",
-    "rclpy.node",
-    "rclpy.action",
 )
-"""What programs import, so that no run pays for it."""
+"""What nearly all programs need."""
+_OF_ROS: Final = ("rclpy.executors", "rclpy.node", "rclpy.action")
+"""What rclpy itself imports late."""
 
+_load: Any = srvgen.load
 _is_watched = False
 
 
-def use_product(interpreter: Interpreter, folder: Path) -> None:
-    """Prepare taskrpc and rclpy for programs in a folder."""
+def use_product(interpreter: Interpreter, folder: Path, files: Sequence[Path]) -> None:
+    """Prepare taskrpc, and rclpy if it is used, for programs in a folder."""
     global _is_watched
     hook.install(folder)
     TRANSPORTS["tcp"] = Registration("taskrpc.simulation.run.network:open_network")
     TRANSPORTS["memory"] = TRANSPORTS["tcp"]
     for name in _IMPORTED:
         importlib.import_module(name)
+    import_for(files)
+    if "rclpy" in sys.modules:
+        for name in _OF_ROS:
+            importlib.import_module(name)
+    srvgen.load = functools.cache(_load)  # the files do not change during the runs
+    if "rclpy" in sys.modules:
+        _install_no_signal_handlers()
     if not _is_watched:
         _is_watched = True
         watch_publishers(lambda: interpreter.run)
-        _install_no_signal_handlers()
     interpreter.state = ModuleState()
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import re
 import sys
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -13,8 +15,16 @@ import msgspec
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
+from taskrpc.simulation.interpreter.disk import Disk
 from taskrpc.simulation.interpreter.interpreter import Interpreter
-from taskrpc.simulation.interpreter.programs import Process, Source, explained, own_line
+from taskrpc.simulation.interpreter.programs import (
+    Process,
+    Source,
+    WrongClock,
+    explained,
+    failed_line,
+    own_line,
+)
 from taskrpc.simulation.interpreter.refusals import CannotSimulate
 from taskrpc.simulation.interpreter.stacks import Stack, Stop
 from taskrpc.simulation.interpreter.threads import Handle
@@ -23,9 +33,14 @@ from taskrpc.simulation.run import calling, ends
 from taskrpc.simulation.run.choices import Choices
 from taskrpc.simulation.run.coverage import Coverage
 from taskrpc.simulation.run.network import RunNetwork
-from taskrpc.simulation.run.observing import RunFaults, RunObserver, is_hidden
+from taskrpc.simulation.run.observing import (
+    NamedFault,
+    RunFaults,
+    RunObserver,
+    is_hidden,
+)
 from taskrpc.simulation.run.trace import Event, Kind, Trace
-from taskrpc.simulation.run.world import CallRecord, World
+from taskrpc.simulation.run.world import CallRecord, SimulatedWorld
 from taskrpc.simulation.scenario import ProgramEntry, Scenario
 from taskrpc.spi import Fault, FaultKind, Hub, current_program
 
@@ -35,6 +50,15 @@ START_WITHIN: Final = 0.5
 MAX_EVENTS: Final = 100_000
 """Events after which a run counts as one that never ends."""
 
+_KILLED = -9
+_STAMP = re.compile(r"(\[[A-Z]+\] )\[\d+\.\d+\] ")
+"""The time in a line of rclpy's log."""
+_OVERTAKEN = 1.0
+"""The most seconds for which a request is held back, so that others overtake it."""
+_SLOWEST = 0.02
+"""The most seconds that a step of a slow program takes."""
+_WRONG = (-3600.0, -2.0, 2.0, 3600.0)
+"""Seconds by which a wrong clock is ahead."""
 _MAX_CRASHES = 2
 _CRASH_SHARES = (0.0, 0.02, 0.08, 0.25)
 """The shares of a program's events at which it is killed; each run draws one of them."""
@@ -67,7 +91,7 @@ class Result(msgspec.Struct, frozen=True):
 def kind_of(fault: str) -> str:
     """Return the kind of a fault from its name: `lose request`, `kill`."""
     words = fault.split()
-    return words[0] if words[0] == "kill" else " ".join(words[:2])
+    return words[0] if words[0] in ("kill", "slow", "part") else " ".join(words[:2])
 
 
 class Run:
@@ -99,6 +123,7 @@ class Run:
         self.calls: list[CallRecord] = []
         self.faults_happened: list[str] = []
         self.failure: Failure | None = None
+        self.disk = Disk(SimulatedWorld.folder, interpreter.cannot)
         self._interpreter = interpreter
         self._stacks = interpreter.stacks
         self._scenario = scenario
@@ -106,7 +131,7 @@ class Run:
         self._choices = choices
         self._tells = tells
         self._network = RunNetwork(choices, scenario.fault_settings.delay)
-        self._world = World(self)
+        self._world = SimulatedWorld(self)
         self._visible = 0
         """Events that the checks have seen."""
         self._printed = 0
@@ -116,6 +141,10 @@ class Run:
         """Programs to kill after the present step."""
         self.messages: dict[str, list[Any]] = {}
         """The messages that were published, by topic."""
+        self._partition = (math.inf, math.inf)
+        """When two programs cannot reach each other: from, to."""
+        self._apart = ("", "")
+        self._apart_fault = ""
         self._coming: list[tuple[float, ProgramEntry, int]] = []
         """Programs that will start, with the time and the number of the start."""
         self.is_calm = False
@@ -164,7 +193,8 @@ class Run:
         """A program has written a line."""
         self._printed += len(line)
         process.lines.append(line)
-        self._happened("print", line, process)
+        # The event has its time already, and is the same event at another time.
+        self._happened("print", _STAMP.sub(r"\1", line) if line.startswith("[") else line, process)
 
     def ended(self, process: Process) -> None:
         """A program has ended."""
@@ -189,10 +219,9 @@ class Run:
         process.write(text)
         self.fail(f"exception in a thread of {process.name}", text)
 
-    def refused(self, process: Process, error: CannotSimulate) -> None:
-        """A program has tried what cannot be simulated, and may catch the error."""
-        if not process.is_gone:
-            self.fail(CannotSimulate.__name__, str(error))
+    def refused(self, problem: str) -> None:
+        """A program does something that cannot be simulated."""
+        self.failure = Failure(CannotSimulate.__name__, problem)
 
     def fault(self, name: str, program: str) -> None:
         """A fault has happened."""
@@ -212,13 +241,18 @@ class Run:
             return None
         settings, process = self._scenario.fault_settings, self.present()
         for words, share, kind in (
-            ("request", settings.lose_requests, FaultKind.LOSE_REQUEST),
-            ("response", settings.lose_responses, FaultKind.LOSE_RESPONSE),
+            ("lose request", settings.lose_requests, FaultKind.LOSE_REQUEST),
+            ("lose response", settings.lose_responses, FaultKind.LOSE_RESPONSE),
+            ("duplicate request", settings.duplicate_requests, FaultKind.DUPLICATE_REQUEST),
+            ("delay request", settings.reorder_requests, FaultKind.SLOW),
+            ("refuse request", settings.busy, FaultKind.BUSY),
         ):
-            name = f"lose {words} {count} of {service}"
+            name = f"{words} {count} of {service}"
             if self._choices.happens(name, share):
-                self.fault(name, "" if process is None else process.name)
-                return Fault(kind)
+                late = self._choices.seconds(f"how late {name}", 0.0, _OVERTAKEN)
+                seconds = late if kind is FaultKind.SLOW else 0.0
+                program = "" if process is None else process.name
+                return NamedFault(kind, seconds, name=name, program=program)
         return None
 
     def _happened(self, kind: Kind, text: str, process: Process) -> None:
@@ -255,6 +289,7 @@ class Run:
             hub.conditions = self._network
         try:
             self._plan_starts()
+            self._plan_partition()
             self._advance(self._scenario.duration)
             self._check_at_end()
             self._offered = self._services()
@@ -264,6 +299,7 @@ class Run:
             for process in self.processes.values():
                 process.is_gone = True
             stacks.reset()
+            self.disk.close()
             interpreter.leave()
             interpreter.run = None
         events = tuple(self.trace.events) if self._tells else ()
@@ -281,7 +317,7 @@ class Run:
         """Return what the run has reached."""
         found = Coverage(runs=1, seconds=self._ended_at)
         for call in self.calls:
-            if not call.is_hidden:
+            if call.program and not call.is_hidden:
                 found.calls[call.service] = found.calls.get(call.service, 0) + 1
                 if not call.ok:
                     found.unanswered[call.service] = found.unanswered.get(call.service, 0) + 1
@@ -304,18 +340,56 @@ class Run:
                 when = self._choices.seconds(f"start {entry.name}", 0.0, START_WITHIN)
             self._coming.append((when, entry, 1))
 
+    def _plan_partition(self) -> None:
+        """Choose two programs, and when they cannot reach each other."""
+        names = sorted(each.name for each in self._scenario.programs)
+        length = self._scenario.fault_settings.partition
+        if length is None or len(names) < 2:
+            return
+        one, other = self._choices.chance("who is apart").sample(names, 2)
+        fault = f"part {one} from {other}"
+        if self._choices.happens(fault, 0.7):
+            begin = self._choices.chance("when apart").expovariate(0.3)
+            self._partition = begin, begin + self._choices.seconds("how long apart", *length)
+            self._apart, self._apart_fault = (one, other), fault
+
+    def _keep_apart(self) -> None:
+        """Begin or end the partition if it is time."""
+        begin, end = self._partition
+        is_apart = begin <= self.now < end and not self.is_calm
+        if is_apart and not self._network.silent:
+            self.fault(self._apart_fault, self._apart[0])
+        if is_apart:
+            one, other = self._apart
+            self._network.silent = {
+                pair
+                for a in self.processes.values()
+                for b in self.processes.values()
+                for pair in ((a.id, b.id), (b.id, a.id))
+                if {a.name, b.name} == {one, other}
+            }
+        elif self._network.silent:
+            self.note("fault", f"{self._apart[0]} reaches {self._apart[1]} again")
+            self._network.heal()
+
+    def _next_change(self, until: float) -> float:
+        """Return when the run itself must do something."""
+        moments = [until, *self._partition, *(when for when, _, _ in self._coming)]
+        return min((each for each in moments if each > self.now), default=until)
+
     def _advance(self, until: float) -> None:
         """Let the programs run until a time, or until they have ended or failed."""
         stacks = self._stacks
         while self.failure is None and self.now < until:
             self._start_due()
-            begin = min((when for when, _, _ in self._coming), default=until)
-            stop = stacks.run(min(until, begin), self._choices.next, self._watch)
+            self._keep_apart()
+            change = self._next_change(until)
+            stop = stacks.run(min(until, change), self._choices.next, self._watch)
             self._end_doomed()
             if stop is Stop.IDLE:
-                if not self._coming:
+                if not self._coming and not self._network.silent:
                     return
-                stacks.now = max(stacks.now, begin)
+                stacks.now = max(stacks.now, change)
 
     def _start_due(self) -> None:
         due = sorted(each for each in self._coming if each[0] <= self.now)
@@ -327,9 +401,22 @@ class Run:
         chance = self._choices.chance(f"random of {entry.name} {number}")
         process = Process(entry.name, number, self._sources[entry.name], self._stacks, chance, self)
         process.pid = 1000 * (1 + len(self.processes))
+        self._handicap(process)
         self.processes[process.id] = process
         self.note("start", "starts" if number == 1 else "starts again", entry.name)
         process.start()
+
+    def _handicap(self, process: Process) -> None:
+        """Let a program be slow, or have a wrong clock."""
+        settings, name = self._scenario.fault_settings, process.name
+        if name in settings.slow and self._choices.happens(f"slow {name}", 0.5):
+            step = self._choices.seconds(f"how slow {process.id}", 0.0, _SLOWEST)
+            self._stacks.slowness[process.id] = step
+            self.fault(f"slow {name}", name)
+        if name in settings.wrong_clock and self._choices.happens(f"wrong clock {name}", 0.5):
+            chance = self._choices.chance(f"clock of {process.id}")
+            process.clock = WrongClock(chance.expovariate(0.3), chance.choice((*_WRONG, None)))
+            self.fault(f"wrong clock {name}", name)
 
     def _watch(self, stack: Stack) -> bool:
         """Look at what a step has done; returns whether to stop the stacks."""
@@ -348,7 +435,7 @@ class Run:
                 continue
             process.is_gone = True
             if process.exit_code is None:
-                process.exit_code = -9
+                process.exit_code = _KILLED
                 self.note("crash", "is killed", process.name)
                 restart = self._scenario.fault_settings.restart
                 if restart is not None:
@@ -359,6 +446,8 @@ class Run:
                     self._coming.append((self.now + wait, entry, process.number + 1))
             for stack in self._stacks.of(process.id):
                 self._stacks.kill(stack)
+            if process.exit_code == _KILLED:
+                self.disk.crash(process.id, self._choices.chance(f"disk of {process.id}"))
             for hub in self.hubs.values():
                 self._network.crash(process.id, hub)
 
@@ -366,9 +455,11 @@ class Run:
         for check in checks:
             try:
                 check(self._world)
+            except AssertionError as error:
+                line = failed_line(error, self._world.folder)
+                self.fail(check.__name__, f"{error}\n{line}" if str(error) else line)
             except Exception as error:
-                words = str(error) or type(error).__name__
-                self.fail(f"{check.__name__}", f"{words}\n{explained(error, self._world.folder)}")
+                self.fail(check.__name__, explained(error, self._world.folder))
 
     def _check_at_end(self) -> None:
         self.is_calm = self._network.is_calm = True
@@ -431,6 +522,9 @@ class Run:
                 continue
             if words := ends.stuck(self._stacks, process):
                 self.fail("a callback that never ends", words)
+            last = self.trace.events[process.last_event - 1].time if process.last_event else 0.0
+            if words := ends.polls(self._stacks, process, last):
+                self.fail(f"{process.name} never waits", words)
             self._look_for_calls(process)
 
     def _look_for_calls(self, process: Process) -> None:

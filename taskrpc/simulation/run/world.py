@@ -53,7 +53,7 @@ class Observed(Protocol):
         """Call a service."""
 
 
-class World:
+class SimulatedWorld:
     """The state of a run, for the functions of `always` and `finally_`."""
 
     folder = Path(".")
@@ -75,7 +75,8 @@ class World:
         """
         name = service if service.startswith("/") else f"/{service}"
         return sum(
-            each.service == name and (ok is None or each.ok is ok) for each in self._run.calls
+            each.service == name and each.program != "" and (ok is None or each.ok is ok)
+            for each in self._run.calls
         )
 
     def lines(self, program: str) -> list[str]:

@@ -60,6 +60,8 @@ class Explained(msgspec.Struct, tag=True):
     kind: str
     text: str
     faults: list[str]
+    groups: list[str]
+    """Which of `shrink.GROUPS` the failure needs."""
     in_order: bool
     """Whether it fails also when the threads run in order."""
     hash: str

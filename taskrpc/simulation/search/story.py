@@ -1,8 +1,9 @@
-"""Tells a failing run so that a student understands it: one line an event; pure."""
+"""Tells a failing run so that a student understands it: one line an event."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Final
 
 from taskrpc.simulation.run.coverage import Coverage
@@ -21,6 +22,17 @@ _WORDS: Final = {
     "crash": "FAULT: {text}",
     "end": "{text}",
     "raise": "ends with {text}",
+}
+_PAST: Final = {
+    "lose": "lost",
+    "duplicate": "arriving twice",
+    "delay": "overtaken by others",
+    "refuse": "refused",
+}
+_MOST_NAMES = 5
+_GROUP_WORDS: Final = {
+    "delays": "these delays of the network",
+    "order of starts": "this order of the starts",
 }
 _LONGEST = 40
 """Events that are shown at most; the others in the middle are left out."""
@@ -47,6 +59,7 @@ def story(found: Explained, lines: Mapping[str, Sequence[str]], *, everything: b
 
 def _needs(found: Explained) -> str:
     names = [_fault_words(each) for each in found.faults]
+    names += [_GROUP_WORDS[each] for each in found.groups]
     if not found.in_order:
         names.append("an unlucky order of the threads")
     what = " and ".join(names) or "no fault at all"
@@ -54,11 +67,18 @@ def _needs(found: Explained) -> str:
 
 
 def _fault_words(name: str) -> str:
-    if name.startswith("lose "):
-        _, what, number, _, service = name.split()
-        return f"{what} {number} of {service} lost"
-    if name.startswith("kill "):
-        return f"{name.split()[1]} killed"
+    first, *words = name.split()
+    if first in _PAST and words[0] in ("request", "response"):
+        what, number, _, service = words
+        return f"{what} {number} of {service} {_PAST[first]}"
+    if first == "kill":
+        return f"{words[0]} killed"
+    if first == "part":
+        return f"{words[0]} and {words[2]} out of each other's reach"
+    if first == "slow":
+        return f"a slow {words[0]}"
+    if name.startswith("wrong clock"):
+        return f"a wrong clock in {words[1]}"
     return name
 
 
@@ -68,7 +88,8 @@ def _events(
     width = max((len(each.program) for each in events), default=0)
     told = []
     for each in events:
-        words = _WORDS[each.kind].format(text=each.text)
+        text = _fault_words(each.text) if each.kind == "fault" else each.text
+        words = _WORDS[each.kind].format(text=text)
         told.append(f"{each.time:8.3f} s  {each.program:<{width}}  {words}{_source(each, lines)}")
     if len(told) > _LONGEST and not everything:
         begin, end = _LONGEST // 4, _LONGEST - _LONGEST // 4
@@ -90,6 +111,16 @@ def _waits(waits: Sequence[str]) -> list[str]:
     return ["", "At the end:", *(f"  {line}" for line in waits)] if waits else []
 
 
+def lines_of(found: Explained, folder: Path) -> dict[str, list[str]]:
+    """Return the lines of the files that the events name; looks for them in a folder."""
+    read = {}
+    for name in {each.where.partition(":")[0] for each in found.events if each.where}:
+        for path in folder.rglob(name):
+            read[name] = path.read_text(encoding="utf-8", errors="replace").splitlines()
+            break
+    return read
+
+
 def summary(coverage: Coverage, shapes: int, seconds: float) -> str:
     """Return what all runs have reached, and what they have not."""
     each = coverage.runs / seconds if seconds else 0.0
@@ -104,7 +135,8 @@ def summary(coverage: Coverage, shapes: int, seconds: float) -> str:
         lines.append(f"Faults: {faults}.")
     never = sorted(coverage.offered.keys() - coverage.calls.keys())
     if never:
-        lines.append(f"Not reached: nobody called {', '.join(never)}.")
+        more = f" and {len(never) - _MOST_NAMES} more" if len(never) > _MOST_NAMES else ""
+        lines.append(f"Not reached: nobody called {', '.join(never[:_MOST_NAMES])}{more}.")
     return "\n".join(lines)
 
 

@@ -45,15 +45,15 @@ class Worker:
     def _load(self, file: Path) -> Any:
         from taskrpc.simulation.interpreter.programs import Source
         from taskrpc.simulation.run.product import use_product
-        from taskrpc.simulation.run.world import World
+        from taskrpc.simulation.run.world import SimulatedWorld
         from taskrpc.simulation.search import protocol
 
-        folder = file.resolve().parent
+        file = file.resolve()  # before the working folder changes
+        folder = file.parent
         os.chdir(folder)
         sys.path[0] = str(folder)
-        self._scenario = _read(file.resolve())
-        use_product(self._interpreter, folder)
-        World.folder = folder
+        self._scenario = _read(file)
+        SimulatedWorld.folder = folder
         for entry in self._scenario.programs:
             source = Source((folder / entry.file).resolve(), entry.arguments)
             try:
@@ -64,6 +64,8 @@ class Worker:
             except SyntaxError as error:
                 raise TaskRpcError(f"{entry.file}:{error.lineno}: {error.msg}") from None
             self._sources[entry.name] = source
+        files = [each.file for each in self._sources.values()]
+        use_product(self._interpreter, folder, files)
         return protocol.Loaded([each.name for each in self._scenario.programs])
 
     def _search(self, seeds: Sequence[int]) -> Any:
@@ -86,7 +88,7 @@ class Worker:
 
     def _explain(self, seed: int) -> Any:
         from taskrpc.simulation.search import protocol
-        from taskrpc.simulation.search.shrink import shrink
+        from taskrpc.simulation.search.shrink import GROUPS, shrink
 
         first = self._new_run(seed).play()
         kept, in_order = shrink(
@@ -100,6 +102,7 @@ class Worker:
             last.failure.kind,
             last.failure.text,
             [each for each in last.faults if each in kept],
+            [each for each in GROUPS if each in kept],
             in_order,
             first.hash,
             list(last.events),

@@ -15,7 +15,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, Final, Self, cast
 
-from taskrpc.course.browser_lab.tab.threads import Handle, Scheduler
+from taskrpc.course.browser_lab.tab.threads import Scheduler
+from taskrpc.simulation.interpreter.threads import Handle
 from taskrpc.spi import close_program, current_program
 
 FOLDER: Final = Path("/lab")

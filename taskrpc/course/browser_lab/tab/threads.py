@@ -2,25 +2,23 @@
 
 Pyodide has no threads. With WebAssembly's stack switching (JSPI), Python can wait for a promise in
 the middle of any function while other stacks and the event loop run. `install` replaces what
-`threading` is made of, so that programs, taskrpc and rclpy use its threads, locks and events as
-they are. A thread runs until it waits; a program that never waits stops the tab's worker.
+`threading` is made of, as in a simulation, so that programs, taskrpc and rclpy use its threads,
+locks and events as they are. A thread runs until it waits; a program that never waits stops the
+tab's worker.
 """
 
 from __future__ import annotations
 
-import _thread
 import asyncio
 import gc
-import queue
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from contextvars import copy_context
-from types import TracebackType
 from typing import Any, Final
 
 from taskrpc.errors import TaskRpcError, WouldDeadlock
+from taskrpc.simulation.interpreter.threads import Handle, replace_threads
 from taskrpc.spi import current_program
 
 TIME_SLICE: Final = 0.02
@@ -59,6 +57,7 @@ class Waiter:
 
     def __init__(self, promise: Any) -> None:
         self.promise = promise
+        self.reason: object = None
         self.is_over = False
         self.is_granted = False
         """Whether it got what it waited for, rather than a timeout or an interrupt."""
@@ -187,7 +186,7 @@ class Scheduler:
         finally:
             self._enter(self._main)
             del self._stacks[stack.ident]
-            handle._set_done()
+            handle.end()
 
     def _enter(self, stack: Stack) -> None:
         self._current = stack
@@ -196,123 +195,24 @@ class Scheduler:
         self._slice_ends = time.monotonic() + TIME_SLICE
 
 
-_scheduler: Scheduler
-
-
-class Lock:
-    """A lock; the thread that releases it hands it to the one that has waited longest."""
-
-    def __init__(self) -> None:
-        self._locked = False
-        self._waiters: deque[Waiter] = deque()
-
-    def acquire(self, blocking: bool = True, timeout: float = -1) -> bool:
-        """Take the lock; returns False after the timeout, or at once if not `blocking`."""
-        _scheduler.let_others_run()
-        if not self._locked:
-            self._locked = True
-            return True
-        if not blocking or timeout == 0:
-            return False
-        return _scheduler.wait(self._waiters.append, None if timeout < 0 else timeout)
-
-    def release(self) -> None:
-        """Free the lock."""
-        if not self._locked:
-            raise RuntimeError("release unlocked lock")
-        while self._waiters:
-            if self._waiters.popleft().wake(granted=True):
-                return  # the lock stays locked, for that thread
-        self._locked = False
-
-    def locked(self) -> bool:
-        """Whether a thread has it."""
-        return self._locked
-
-    def __enter__(self) -> bool:
-        return self.acquire()
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: object, trace: TracebackType | None
-    ) -> None:
-        self.release()
-
-    def _at_fork_reinit(self) -> None:
-        self._locked = False
-        self._waiters.clear()
-
-
-class Handle:
-    """What a `threading.Thread` knows of its stack."""
-
-    def __init__(self) -> None:
-        self.ident: int | None = None
-        self._is_done = False
-        self._waiters: list[Waiter] = []
-
-    def is_done(self) -> bool:
-        """Whether the thread has ended."""
-        return self._is_done
-
-    def join(self, timeout: float | None = None) -> None:
-        """Wait for its end."""
-        if not self._is_done:
-            endless = timeout is None or timeout < 0
-            _scheduler.wait(self._waiters.append, None if endless else timeout)
-
-    def _set_done(self) -> None:
-        self._is_done = True
-        for waiter in self._waiters:
-            waiter.wake(granted=True)
-
-
 def install() -> Scheduler:
     """Replace the threads of Pyodide's interpreter by stacks on its running event loop.
 
     Call it once, before programs start.
     """
-    global _scheduler
     from js import Promise
     from pyodide.ffi import can_run_sync, run_sync
 
     suspend = run_sync if can_run_sync() else None
-    _scheduler = Scheduler(asyncio.get_running_loop(), Promise.withResolvers, suspend)
-    modules: dict[Any, dict[str, Any]] = {
-        threading: {
-            "Lock": Lock,
-            "_allocate_lock": Lock,
-            "RLock": getattr(threading, "_PyRLock"),  # noqa: B009
-            "_CRLock": None,
-            "get_ident": _scheduler.get_ident,
-            "_ThreadHandle": Handle,
-            "_start_joinable_thread": _start_joinable_thread,
-        },
-        _thread: {
-            "get_ident": _scheduler.get_ident,
-            "allocate_lock": Lock,
-            "RLock": getattr(threading, "_PyRLock"),  # noqa: B009
-        },
-        queue: {"SimpleQueue": getattr(queue, "_PySimpleQueue")},  # noqa: B009
-        time: {"sleep": _scheduler.sleep},
-    }
-    for module, replaced in modules.items():
-        for name, value in replaced.items():
-            setattr(module, name, value)
+    scheduler = Scheduler(asyncio.get_running_loop(), Promise.withResolvers, suspend)
+    replace_threads(scheduler)
     # An automatic collection looks at the frames of stacks that wait, whose memory another stack
     # may use by now; that ends Pyodide (its issue 6464). A full collection does not look at them.
     gc.disable()
-    _collect(_scheduler.loop)
-    return _scheduler
+    _collect(scheduler.loop)
+    return scheduler
 
 
 def _collect(loop: asyncio.AbstractEventLoop) -> None:
     gc.collect()
     loop.call_later(_COLLECTION, _collect, loop)
-
-
-def _start_joinable_thread(
-    function: Callable[[], object], handle: Handle | None = None, daemon: bool = True
-) -> Handle:
-    handle = Handle() if handle is None else handle
-    _scheduler.start(function, handle)
-    return handle

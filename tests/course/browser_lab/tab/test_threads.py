@@ -12,8 +12,9 @@ import pytest
 
 from taskrpc import WouldDeadlock
 from taskrpc.core.current_program import current_program
-from taskrpc.course.browser_lab.tab import threads
-from taskrpc.course.browser_lab.tab.threads import CannotWait, Handle, Lock, Scheduler
+from taskrpc.course.browser_lab.tab.threads import CannotWait, Scheduler
+from taskrpc.simulation.interpreter import threads
+from taskrpc.simulation.interpreter.threads import Handle, Lock
 
 
 class Loop:
