@@ -1,5 +1,6 @@
 """Module variables of taskrpc and rclpy differ between programs."""
 
+import functools
 import sys
 from types import ModuleType
 
@@ -18,6 +19,8 @@ class TestInThisProcess:
         module = ModuleType("taskrpc.made_for_tests")
         module.__file__ = str(state.__file__).replace("simulation", "made", 1)
         vars(module).update(count=0, names=[], by_name={}, LIMIT=[1], text="text", other={})
+        module.once = functools.cache(lambda: module.names.append("once"))
+        module.of_argument = functools.cache(str)
         module.same = module.names
         monkeypatch.setitem(sys.modules, module.__name__, module)
         return module
@@ -27,7 +30,7 @@ class TestInThisProcess:
 
     def test_variables_are_small_values_and_containers_without_capitals(self, module):
         own = {each.rpartition(".")[2] for each in self.made().names if "made_for" in each}
-        assert own == {"count", "names", "by_name", "same", "other"}
+        assert own == {"count", "names", "by_name", "same", "other", "once"}
 
     def test_each_program_sees_its_own_values(self, module):
         made = self.made()
@@ -44,6 +47,20 @@ class TestInThisProcess:
         finally:
             made.put(outside)
         assert (module.count, module.names) == (0, [])
+
+    def test_cached_function_without_arguments_runs_once_in_each_program(self, module):
+        module.once()
+        made = self.made()
+        outside = made.take()
+        try:
+            for _ in range(2):
+                made.put(made.new())
+                module.names.clear()
+                module.once()
+                module.once()
+                assert module.names == ["once"]
+        finally:
+            made.put(outside)
 
     def test_two_names_of_one_object_stay_one(self, module):
         made = self.made()
