@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as datetimes
 import os
 import random
+import select
 import time
 from collections.abc import Callable
 from typing import Any, Final, Protocol
@@ -72,6 +73,15 @@ class Clocks:
                 return real(time.time() if moment is None else moment)
 
             setattr(time, name, at)
+        real_select = select.select
+
+        def wait_for_files(read: Any, write: Any, other: Any, timeout: float | None = None) -> Any:
+            if stacks.current is None:
+                return real_select(read, write, other, timeout)
+            stacks.wait(lambda _: None, timeout)  # nobody types, and there are no sockets
+            return [], [], []
+
+        vars(select)["select"] = wait_for_files
         strftime = time.strftime
         time.strftime = lambda text, *when: strftime(text, *(when or (time.localtime(),)))
 

@@ -83,6 +83,8 @@ class Disk:
         self._unsynced: dict[str, _Unsynced] = {}
         self._numbers: dict[int, str] = {}
         """The path of each open file by its number."""
+        self._synced_by_sqlite: set[str] = set()
+        """The paths of databases."""
         self._owners: dict[int, str] = {}
         """The program that has opened each of these files."""
         self._databases: dict[str, list[sqlite3.Connection]] = {}
@@ -105,7 +107,8 @@ class Disk:
         """Note that a file was opened for writing."""
         self._numbers[number] = path
         self._owners[number] = owner.id
-        self._unsynced.setdefault(path, _Unsynced(owner.id, before))
+        if not path.startswith(tuple(self._synced_by_sqlite)):  # also PATH-wal
+            self._unsynced.setdefault(path, _Unsynced(owner.id, before))
 
     def synced(self, number: int) -> None:
         """Note that a file was synced."""
@@ -117,8 +120,10 @@ class Disk:
         if (known := self._unsynced.pop(source, None)) is not None:
             self._unsynced[target] = known
 
-    def connected(self, owner: Owner, connection: sqlite3.Connection) -> None:
-        """Note a connection with a database."""
+    def connected(self, path: str, owner: Owner, connection: sqlite3.Connection) -> None:
+        """Note a connection with a database; SQLite syncs its files from now on."""
+        self._synced_by_sqlite.add(path)
+        self._unsynced.pop(path, None)
         self._databases.setdefault(owner.id, []).append(connection)
 
     def crash(self, owner: str, chance: random.Random) -> None:
@@ -237,8 +242,9 @@ def install(present: Callable[[], tuple[Disk, Owner] | None]) -> None:
         if found is None or str(database).startswith((":memory:", "file:")):
             return connect(database, *more, **named)
         disk, owner = found
-        connection = connect(disk.path(database, owner, writes=True), *more, **named)
-        disk.connected(owner, connection)
+        path = disk.path(database, owner, writes=True)
+        connection = connect(path, *more, **named)
+        disk.connected(str(path), owner, connection)
         return connection
 
     builtins.open = io.open = open_file  # type: ignore[assignment]

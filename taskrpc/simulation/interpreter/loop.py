@@ -40,6 +40,7 @@ class SimulatedLoop(asyncio.BaseEventLoop):
         """The wait of the stack for something to do."""
         self._is_woken = False
         self._tasks = 0
+        self._signals: set[int] = set()
 
     def create_task(self, coro: Any, *, name: object = None, **more: Any) -> asyncio.Task[Any]:
         """Start a task; its default name counts the tasks of this loop."""
@@ -83,6 +84,18 @@ class SimulatedLoop(asyncio.BaseEventLoop):
         """Report an exception that nobody handles, while a program runs."""
         if self._stacks.current is not None and not self._stacks.current.is_dead:
             super().call_exception_handler(context)
+
+    def add_signal_handler(
+        self, sig: int, callback: Callable[[Unpack[_Arguments]], object], *args: *_Arguments
+    ) -> None:
+        """Do nothing but remember it: no signal ever arrives."""
+        self._signals.add(sig)
+
+    def remove_signal_handler(self, sig: int) -> bool:
+        """Return whether there was one."""
+        found = sig in self._signals
+        self._signals.discard(sig)
+        return found
 
     def run_forever(self) -> None:
         """Run until `stop`."""

@@ -9,10 +9,11 @@ from __future__ import annotations
 import asyncio
 import heapq
 import math
+import sys
 from collections.abc import Callable
 from contextvars import copy_context
 from enum import Enum
-from typing import Final
+from typing import Any, Final
 
 from greenlet import GreenletExit, getcurrent, greenlet
 
@@ -29,6 +30,12 @@ _POLL = 0.001
 """Seconds of virtual time for a step from then on, so that what it polls can happen."""
 
 _FIRST_IDENT = 1000
+
+_MOST_CATCHES = 50
+"""How often a killed stack may catch the exception and wait again."""
+
+_immortal: list[Stack] = []
+"""Stacks that catch every exception in an endless loop; freeing them would run them for ever."""
 
 Killed = GreenletExit
 """What ends the Python code of a killed stack."""
@@ -51,6 +58,8 @@ class Stack:
         self.running_loop: asyncio.AbstractEventLoop | None = None
         self.own_loop: asyncio.AbstractEventLoop | None = None
         """What `asyncio.set_event_loop` has set."""
+        self.hooks: tuple[Any, Any] = (None, None)
+        """Those of its loop for asynchronous generators, while another stack runs."""
 
 
 class StackWaiter:
@@ -113,21 +122,27 @@ class Stacks:
         self._timers: list[tuple[float, int, StackWaiter]] = []
         self._numbers = 0
         self._last_ident = _FIRST_IDENT
-        self._is_over = False
+        self._last: Stack | None = None
+        """The stack that ran last; Python has its hooks."""
 
     def reset(self) -> None:
         """Begin a new run: end all stacks, and set the clock to zero.
 
         Python code of the stacks still runs here: `finally`, `except` and the ends of `with`. Each
-        wait in it ends at once with `GreenletExit`.
+        wait in it ends with `GreenletExit`.
         """
-        self._is_over = True
-        for stack in list(self.all.values()):
-            self.kill(stack)
-            for _ in range(50):  # a stack may catch the exception and wait again
-                if stack.greenlet.dead:
-                    break
-                self._switch(stack, GreenletExit)
+        while self.all:  # what they run may start more
+            for stack in list(self.all.values()):
+                self.kill(stack)
+                for _ in range(_MOST_CATCHES):
+                    if stack.greenlet.dead:
+                        break
+                    self._switch(stack, GreenletExit)
+                else:
+                    _immortal.append(stack)
+                self.all.pop(stack.ident, None)
+        if self._last is not None:
+            sys.set_asyncgen_hooks(None, None)
         self.__init__()  # type: ignore[misc]
 
     # The scheduler of the threads
@@ -166,7 +181,8 @@ class Stacks:
         me = self.current
         if me is None:
             raise RuntimeError("the code around the programs wants to wait")
-        if self._is_over or me.is_dead:
+        if me.is_dead:
+            self._hub.switch()  # back to `reset`: a program may catch the exception in a loop
             raise GreenletExit
         if timeout != 0:
             me.polls_since = None
@@ -246,6 +262,8 @@ class Stacks:
     def _switch(self, stack: Stack, *error: type[BaseException]) -> None:
         self.current = stack
         self.enter(stack)
+        if stack is not self._last:
+            self._exchange_hooks(stack)
         asyncio._set_running_loop(stack.running_loop)
         try:
             if error:
@@ -256,6 +274,14 @@ class Stacks:
             stack.running_loop = asyncio._get_running_loop()
             asyncio._set_running_loop(None)
             self.current = None
+
+    def _exchange_hooks(self, stack: Stack) -> None:
+        hooks = sys.get_asyncgen_hooks()
+        if self._last is not None:
+            self._last.hooks = hooks
+        if hooks != stack.hooks:
+            sys.set_asyncgen_hooks(*stack.hooks)
+        self._last = stack
 
 
 def _ignore(_: Waiter) -> None:

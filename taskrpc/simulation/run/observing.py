@@ -155,4 +155,5 @@ class _Plan:
 
 def is_hidden(service: str) -> bool:
     """Whether a service is one that taskrpc or rclpy makes by itself."""
-    return service.startswith(_HIDDEN) or service.endswith(_OF_PARAMETERS)
+    inner = "/_action/" in service
+    return inner or service.startswith(_HIDDEN) or service.endswith(_OF_PARAMETERS)

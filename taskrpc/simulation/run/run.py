@@ -40,7 +40,7 @@ from taskrpc.simulation.run.observing import (
     is_hidden,
 )
 from taskrpc.simulation.run.trace import Event, Kind, Trace
-from taskrpc.simulation.run.world import CallRecord, World
+from taskrpc.simulation.run.world import CallRecord, SimulatedWorld
 from taskrpc.simulation.scenario import ProgramEntry, Scenario
 from taskrpc.spi import Fault, FaultKind, Hub, current_program
 
@@ -123,7 +123,7 @@ class Run:
         self.calls: list[CallRecord] = []
         self.faults_happened: list[str] = []
         self.failure: Failure | None = None
-        self.disk = Disk(World.folder, interpreter.cannot)
+        self.disk = Disk(SimulatedWorld.folder, interpreter.cannot)
         self._interpreter = interpreter
         self._stacks = interpreter.stacks
         self._scenario = scenario
@@ -131,7 +131,7 @@ class Run:
         self._choices = choices
         self._tells = tells
         self._network = RunNetwork(choices, scenario.fault_settings.delay)
-        self._world = World(self)
+        self._world = SimulatedWorld(self)
         self._visible = 0
         """Events that the checks have seen."""
         self._printed = 0

@@ -29,6 +29,7 @@ _PAST: Final = {
     "delay": "overtaken by others",
     "refuse": "refused",
 }
+_MOST_NAMES = 5
 _GROUP_WORDS: Final = {
     "delays": "these delays of the network",
     "order of starts": "this order of the starts",
@@ -134,7 +135,8 @@ def summary(coverage: Coverage, shapes: int, seconds: float) -> str:
         lines.append(f"Faults: {faults}.")
     never = sorted(coverage.offered.keys() - coverage.calls.keys())
     if never:
-        lines.append(f"Not reached: nobody called {', '.join(never)}.")
+        more = f" and {len(never) - _MOST_NAMES} more" if len(never) > _MOST_NAMES else ""
+        lines.append(f"Not reached: nobody called {', '.join(never[:_MOST_NAMES])}{more}.")
     return "\n".join(lines)
 
 

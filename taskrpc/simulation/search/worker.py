@@ -45,14 +45,15 @@ class Worker:
     def _load(self, file: Path) -> Any:
         from taskrpc.simulation.interpreter.programs import Source
         from taskrpc.simulation.run.product import use_product
-        from taskrpc.simulation.run.world import World
+        from taskrpc.simulation.run.world import SimulatedWorld
         from taskrpc.simulation.search import protocol
 
-        folder = file.resolve().parent
+        file = file.resolve()  # before the working folder changes
+        folder = file.parent
         os.chdir(folder)
         sys.path[0] = str(folder)
-        self._scenario = _read(file.resolve())
-        World.folder = folder
+        self._scenario = _read(file)
+        SimulatedWorld.folder = folder
         for entry in self._scenario.programs:
             source = Source((folder / entry.file).resolve(), entry.arguments)
             try:
@@ -161,6 +162,7 @@ def main() -> None:
     """Answer orders until stdin ends."""
     orders, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what anything else prints is no answer
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # no program reads the orders
     worker = Worker()
     from taskrpc.simulation.search import protocol
 

@@ -131,9 +131,10 @@ def test_a_renamed_file_without_a_sync_may_be_torn_under_its_new_name(folder):
 
 
 def test_a_crash_keeps_the_commits_of_a_database_and_nothing_else(folder, disk):
+    write(disk, folder / "tasks.db", b"")  # a program may create the file first
     place = disk.path(folder / "tasks.db", PROGRAM, writes=True)
     database = sqlite3.connect(place)
-    disk.connected(PROGRAM, database)
+    disk.connected(place, PROGRAM, database)
     with database:
         database.execute("CREATE TABLE orders (number)")
         database.execute("INSERT INTO orders VALUES (1)")
