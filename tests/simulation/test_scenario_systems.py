@@ -37,7 +37,7 @@ MISTAKES = {
     "unchecked_future": "what_is_reported_was_watered",
     "waits_after_last_attempt": "nothing_is_given_up",
 }
-MOST_RUNS = 500
+MOST_RUNS = 300
 RUNS_OF_CORRECT = 50
 
 
