@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from taskrpc.simulation.search.protocol import Search
+from taskrpc.simulation.search.protocol import Explain, Explained, Search
 from taskrpc.simulation.search.search import WorkerProcess, search
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
@@ -75,3 +75,33 @@ def test_first_run_of_a_process_is_like_later_ones(name: str) -> None:
         worker.load(scenario("correct", name))
         first, *later = (worker.ask(Search([0])).hash for _ in range(3))
         assert later == [first, first]
+
+
+def explained(name: str, seed: int) -> Explained:
+    with WorkerProcess() as worker:
+        worker.load(scenario("mistakes", name))
+        found: Explained = worker.ask(Explain(seed))
+        return found
+
+
+def test_story_names_the_line_that_makes_the_call_and_not_the_line_that_spins() -> None:
+    found = explained("no_timeout", 5)
+    lines = (SYSTEMS / "mistakes/no_timeout/student.py").read_text("utf-8").splitlines()
+    [call] = [each for each in found.events if each.kind == "call"]
+    assert "call_async" in lines[int(call.where.removeprefix("student.py:")) - 1]
+
+
+def test_story_says_that_the_server_cancels_late_work() -> None:
+    found = explained("short_deadline", 2)
+    assert ("robot", "/carry") in [(e.program, e.text) for e in found.events if e.kind == "cancel"]
+    assert found.groups == ["delays"]
+
+
+def test_lines_of_a_log_are_told_without_their_times() -> None:
+    found = explained("broken_chain", 15)
+    assert "[INFO] [robot]: drives to 1" in [each.text for each in found.events]
+
+
+def test_story_says_that_the_failure_needs_the_order_of_the_starts() -> None:
+    found = explained("missed_first_message", 17)
+    assert (found.faults, found.groups) == ([], ["order of starts"])
