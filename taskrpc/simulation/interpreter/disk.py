@@ -237,7 +237,7 @@ def install(present: Callable[[], tuple[Disk, Owner] | None]) -> None:
 
     connect = sqlite3.connect
 
-    def connect_database(database: Any, *more: Any, **named: Any) -> sqlite3.Connection:
+    def connect_database(database: Any, *more: Any, **named: Any) -> Any:
         found = _of_program(present)
         if found is None or str(database).startswith((":memory:", "file:")):
             return connect(database, *more, **named)
@@ -247,9 +247,9 @@ def install(present: Callable[[], tuple[Disk, Owner] | None]) -> None:
         disk.connected(str(path), owner, connection)
         return connection
 
-    builtins.open = io.open = open_file  # type: ignore[assignment]
-    os.open, os.fsync = os_open, fsync
-    sqlite3.connect = connect_database  # type: ignore[assignment]
+    vars(builtins)["open"] = vars(io)["open"] = open_file
+    vars(os).update(open=os_open, fsync=fsync)
+    vars(sqlite3)["connect"] = connect_database
     for name, writes in _ONE_PATH:
         setattr(os, name, _with_one_path(_real[name], writes, present))
     for name in _TWO_PATHS:
