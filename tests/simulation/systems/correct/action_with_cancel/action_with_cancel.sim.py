@@ -10,7 +10,7 @@ scenario.faults(delay=(0.0, 0.2))
 
 @scenario.finally_
 def both_say_the_same(world):
-    for order in range(3, 7):
+    for order in (3, 4, 5, 8):
         arrived = world.count("robot", f"arrives at {order}")
         canceled = world.count("robot", f"stops on the way to {order}")
         assert world.count("student", f"{order} SUCCEEDED") == arrived

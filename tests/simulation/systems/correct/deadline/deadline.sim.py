@@ -17,3 +17,8 @@ def gripper_is_open(world):
 @scenario.always
 def one_cup_at_a_time(world):
     assert world.count("robot", "closes") - world.count("robot", "opens") in (0, 1)
+
+
+@scenario.finally_
+def robot_does_not_notice_that_the_student_ends(world):
+    assert world.count("robot", "Traceback") == 0

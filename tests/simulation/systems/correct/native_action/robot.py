@@ -7,7 +7,7 @@ Fibonacci = srvgen.load("example_interfaces/action/Fibonacci")
 
 
 async def drive(goal):
-    for step in range(9):
+    for step in range(3 * goal.request.order):
         if goal.is_cancel_requested:
             return goal.canceled(Fibonacci.Result())
         goal.publish_feedback(Fibonacci.Feedback(sequence=[step]))

@@ -23,7 +23,7 @@ async def main():
     async with taskrpc.Node("student") as node:
         client = node.create_action_client(Fibonacci, "drive")
         await client.wait_for_server()
-        for order in range(1, 5):
+        for order in range(1, 6):
             await drive(client, order)
 
 
