@@ -62,6 +62,8 @@ class SimulatedLoop(asyncio.BaseEventLoop):
         context: contextvars.Context | None = None,
     ) -> asyncio.Handle:
         """Call a function in the next turn; other programs may use it, too."""
+        if self.is_closed() and self._is_left():
+            return asyncio.Handle(callback, args, self, context)
         handle = super().call_soon(callback, *args, context=context)
         if self._stacks.current is not self._stack:
             self._write_to_self()
@@ -75,10 +77,17 @@ class SimulatedLoop(asyncio.BaseEventLoop):
         context: contextvars.Context | None = None,
     ) -> asyncio.TimerHandle:
         """Call a function at a time; other programs may use it, too."""
+        if self.is_closed() and self._is_left():
+            return asyncio.TimerHandle(when, callback, args, self, context)
         timer = super().call_at(when, callback, *args, context=context)
         if self._stacks.current is not self._stack:
             self._write_to_self()
         return timer
+
+    def _is_left(self) -> bool:
+        """Whether another program calls: what it sends to one that has closed its loop is lost."""
+        caller, owner = self._stacks.current, self._stack
+        return owner is not None and (caller is None or caller.program != owner.program)
 
     def call_exception_handler(self, context: dict[str, Any]) -> None:
         """Report an exception that nobody handles, while a program runs."""

@@ -123,8 +123,9 @@ def waits_of(stacks: Stacks, process: Process, calls: list[CallRecord]) -> list[
     found = []
     for call in calls:
         if call.ok is None and call.process == process.id and not call.is_hidden:
-            where = call.where or process.name
-            found.append(f"{process.name} waits at {where} for the response of {call.service}")
+            where = f" at {call.where}" if call.where else ""
+            what = f"the response of {call.service}, which it called{where}"
+            found.append(f"{process.name} waits for {what}")
     for each in (Waiting(process, stack) for stack in stacks.of(process.id)):
         if each.line and not any(each.line in line for line in found):
             what = (

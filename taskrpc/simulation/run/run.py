@@ -6,6 +6,7 @@ import asyncio
 import math
 import re
 import sys
+from collections import deque
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import FrameType
@@ -139,6 +140,8 @@ class Run:
         self._crashes: dict[str, int] = {}
         self._doomed: list[Process] = []
         """Programs to kill after the present step."""
+        self._lines_of_calls: dict[tuple[str, str], deque[str]] = {}
+        """The lines of calls that have not begun yet, by process and service."""
         self.messages: dict[str, list[Any]] = {}
         """The messages that were published, by topic."""
         self._partition = (math.inf, math.inf)
@@ -188,6 +191,18 @@ class Run:
             if (line := own_line(stack, folder)) is not None:
                 return f"{Path(line[0]).name}:{line[1]}"
         return ""
+
+    def asks(self, service: str) -> None:
+        """A program makes a call, which its event loop begins later."""
+        process = self.present()
+        if self._tells and process is not None:
+            lines = self._lines_of_calls.setdefault((process.id, service), deque())
+            lines.append(self.where(process))
+
+    def line_of_call(self, process: Process, service: str) -> str:
+        """Return the line of the program that makes a call which begins now."""
+        lines = self._lines_of_calls.get((process.id, service))
+        return lines.popleft() if lines else self.where(process)
 
     def printed(self, process: Process, line: str) -> None:
         """A program has written a line."""
@@ -535,5 +550,6 @@ class Run:
             if process.last_event <= call.began_at and self.now - call.began > ends.SILENCE:
                 since = f"since {call.began:.2f} s"
                 where = f" at {call.where}" if call.where else ""
-                words = f"{process.name} waits{where} for the response of {call.service} {since}"
+                what = f"the response of {call.service}, which it called{where}"
+                words = f"{process.name} waits {since} for {what}"
                 self.fail("a call that nobody answers", f"{words}, and does nothing else")

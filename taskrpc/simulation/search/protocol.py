@@ -51,6 +51,8 @@ class Searched(msgspec.Struct, tag=True):
     """The seed of the run that failed."""
     hash: str
     """The hash of the last run: runs with the same hash went the same way."""
+    cpu_seconds: float
+    """How long the processor worked."""
 
 
 class Explained(msgspec.Struct, tag=True):

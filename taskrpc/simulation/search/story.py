@@ -17,6 +17,7 @@ _WORDS: Final = {
     "answer": "gets the response of {text}",
     "error": "call fails: {text}",
     "begin": "begins {text}",
+    "cancel": "cancels {text}, since the caller no longer waits",
     "message": "publishes on {text}",
     "fault": "FAULT: {text}",
     "crash": "FAULT: {text}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
@@ -15,6 +16,7 @@ import msgspec
 from taskrpc.errors import TaskRpcError
 from taskrpc.simulation.interpreter import interpreter as interpreters
 
+_cpu_seconds = time.process_time  # before it is replaced for the programs
 _COLLECT_EVERY: Final = 20  # runs
 
 
@@ -74,6 +76,7 @@ class Worker:
         from taskrpc.simulation.search import protocol
 
         coverage, shapes, last = Coverage(), [], ""
+        begin = _cpu_seconds()
         for seed in seeds:
             run = self._new_run(seed)
             result = run.play()
@@ -83,8 +86,8 @@ class Worker:
             if result.failure is not None:
                 if result.failure.kind == CannotSimulate.__name__:
                     raise TaskRpcError(result.failure.text)
-                return protocol.Searched(coverage, shapes, seed, last)
-        return protocol.Searched(coverage, shapes, None, last)
+                return protocol.Searched(coverage, shapes, seed, last, _cpu_seconds() - begin)
+        return protocol.Searched(coverage, shapes, None, last, _cpu_seconds() - begin)
 
     def _explain(self, seed: int) -> Any:
         from taskrpc.simulation.search import protocol
