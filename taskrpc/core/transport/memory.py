@@ -95,10 +95,11 @@ def hub_of(domain: int) -> Hub:
     loop = asyncio.get_running_loop()
     shared: dict[int, Hub] | None = getattr(loop, "hubs", None)
     hubs = _hubs.setdefault(loop, {}) if shared is None else shared
-    hub = hubs.get(domain)
-    if hub is None:
+    try:
+        return hubs[domain]  # a simulation's dictionary makes it
+    except KeyError:
         hub = hubs[domain] = Hub()
-    return hub
+        return hub
 
 
 class MemoryNetwork:

@@ -22,6 +22,9 @@ _SERVING = frozenset(
 """Functions in which a program waits for what others send."""
 
 
+_PRODUCT = str(Path(__file__).parents[2])
+
+
 class Waiting:
     """One thread that waits, and where."""
 
@@ -37,17 +40,20 @@ class Waiting:
         self._look(stack.greenlet.gr_frame, str(process.folder))
 
     def _look(self, frame: FrameType | None, folder: str) -> None:
-        own = False
+        own = called = False
         while frame is not None:
-            if frame.f_code.co_filename.startswith(folder):
+            file = frame.f_code.co_filename
+            if file.startswith(folder):
                 if not own:
                     own = True
                     self.line = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}"
-                self.is_callback = False
             elif not own:
                 self.inner.append(frame.f_code.co_name)
-            elif frame.f_code.co_name in _SERVING:
-                self.is_callback = True
+            elif not called and not file.startswith(_PRODUCT):
+                return  # asyncio or threading has called it, as a main function
+            else:
+                called = True
+                self.is_callback |= frame.f_code.co_name in _SERVING
             frame = frame.f_back
 
     @property
@@ -97,8 +103,10 @@ def _holds(stack: Stack, processes: dict[str, Process]) -> str:
     return f"a thread of {process.name} waits at {where} for a lock that another of them holds"
 
 
-def stuck(stacks: Stacks, process: Process) -> str:
+def stuck(stacks: Stacks, process: Process, silent_since: float) -> str:
     """Return where a program waits for ever, "" if it does not."""
+    if stacks.now - silent_since <= SILENCE:
+        return ""
     waits = [Waiting(process, stack) for stack in stacks.of(process.id)]
     for each in waits:
         if each.line and not each.has_timeout and not each.serves and each.is_callback:

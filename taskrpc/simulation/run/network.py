@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import random
+
 from taskrpc.simulation.run.choices import Choices
-from taskrpc.spi import MemoryNetwork, NetworkFaults, Settings, current_program
+from taskrpc.spi import Hub, MemoryNetwork, NetworkFaults, Settings, current_program
 
 
 def open_network(settings: Settings) -> MemoryNetwork:
@@ -34,3 +36,17 @@ class RunNetwork(NetworkFaults):
             return 0.0
         count = self._counts[source, target] = self._counts.get((source, target), 0) + 1
         return self._choices.seconds(f"delay {count} {source} {target}", least, most)
+
+
+class Hubs(dict[int, Hub]):
+    """The memory networks of a run, by domain; made when a program first uses the domain."""
+
+    def __init__(self, chance: random.Random, network: RunNetwork) -> None:
+        super().__init__()
+        self._chance = chance
+        self._network = network
+
+    def __missing__(self, domain: int) -> Hub:
+        hub = self[domain] = Hub(self._chance)
+        hub.conditions = self._network
+        return hub

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import copy
 import math
 import re
 import sys
@@ -33,7 +34,7 @@ from taskrpc.simulation.interpreter.watchdog import LIMIT, NeverWaits
 from taskrpc.simulation.run import calling, ends
 from taskrpc.simulation.run.choices import Choices
 from taskrpc.simulation.run.coverage import Coverage
-from taskrpc.simulation.run.network import RunNetwork
+from taskrpc.simulation.run.network import Hubs, RunNetwork
 from taskrpc.simulation.run.observing import (
     NamedFault,
     RunFaults,
@@ -119,7 +120,6 @@ class Run:
         """By the values of `current_program`."""
         self.chance = choices.chance("product")
         """For taskrpc's own ids, secrets and waits."""
-        self.hubs: dict[int, Hub] = {}
         self.trace = Trace()
         self.calls: list[CallRecord] = []
         self.faults_happened: list[str] = []
@@ -132,6 +132,7 @@ class Run:
         self._choices = choices
         self._tells = tells
         self._network = RunNetwork(choices, scenario.fault_settings.delay)
+        self.hubs: dict[int, Hub] = Hubs(self.chance, self._network)
         self._world = SimulatedWorld(self)
         self._visible = 0
         """Events that the checks have seen."""
@@ -236,7 +237,9 @@ class Run:
 
     def refused(self, problem: str) -> None:
         """A program does something that cannot be simulated."""
-        self.failure = Failure(CannotSimulate.__name__, problem)
+        process = self._interpreter.process()
+        if process is not None and not process.is_gone:  # not while a killed one ends
+            self.failure = Failure(CannotSimulate.__name__, problem)
 
     def fault(self, name: str, program: str) -> None:
         """A fault has happened."""
@@ -247,7 +250,7 @@ class Run:
         """A program publishes a message."""
         process = self.present()
         if process is not None and not is_hidden(topic):
-            self.messages.setdefault(topic, []).append(message)
+            self.messages.setdefault(topic, []).append(copy.deepcopy(message))
             self._happened("message", topic, process)
 
     def fault_of_call(self, service: str, count: int) -> Fault | None:
@@ -299,9 +302,6 @@ class Run:
         interpreter.run = self
         stacks.enter = interpreter.enter
         Node.default_observer, Node.default_faults = RunObserver(self), RunFaults(self)
-        for domain in range(1):
-            hub = self.hubs[domain] = Hub(self.chance)
-            hub.conditions = self._network
         try:
             self._plan_starts()
             self._plan_partition()
@@ -535,9 +535,9 @@ class Run:
         for process in self.processes.values():
             if process.is_gone:
                 continue
-            if words := ends.stuck(self._stacks, process):
-                self.fail("a callback that never ends", words)
             last = self.trace.events[process.last_event - 1].time if process.last_event else 0.0
+            if words := ends.stuck(self._stacks, process, last):
+                self.fail("a callback that never ends", words)
             if words := ends.polls(self._stacks, process, last):
                 self.fail(f"{process.name} never waits", words)
             self._look_for_calls(process)
