@@ -67,6 +67,7 @@ class Simulated:
 
     def explain(self, seed: int = 0) -> Explained:
         """Explain a seed that fails."""
+        assert self.search(seed).failed is not None, f"seed {seed} does not fail"
         answer: Explained = self.worker.ask(Explain(seed))
         return answer
 

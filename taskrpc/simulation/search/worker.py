@@ -6,6 +6,7 @@ import gc
 import os
 import sys
 import time
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
@@ -170,10 +171,16 @@ def main() -> None:
     from taskrpc.simulation.search import protocol
 
     decoder, encoder = msgspec.json.Decoder(protocol.Order), msgspec.json.Encoder()
-    for line in orders:
-        answers.write(encoder.encode(worker.answer(decoder.decode(line))) + b"\n")
-        answers.flush()
-    os._exit(0)  # the threads of the programs are no threads that Python could wait for
+    code = 1
+    try:
+        for line in orders:
+            answers.write(encoder.encode(worker.answer(decoder.decode(line))) + b"\n")
+            answers.flush()
+        code = 0
+    except Exception:
+        traceback.print_exc()
+    finally:
+        os._exit(code)  # the threads of the programs are none that Python could wait for
 
 
 if __name__ == "__main__":
