@@ -7,7 +7,7 @@ import os
 import sys
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any, Final
@@ -55,7 +55,12 @@ class Worker:
         folder = file.parent
         os.chdir(folder)
         sys.path[0] = str(folder)
-        self._scenario = _read(file)
+        known = set(sys.modules)
+        try:
+            self._scenario = _read(file)
+        finally:
+            _forget_modules(folder, known)
+        self._sources = {}
         SimulatedWorld.folder = folder
         for entry in self._scenario.programs:
             source = Source((folder / entry.file).resolve(), entry.arguments)
@@ -160,6 +165,15 @@ def _read(file: Path) -> Any:
             f'{file.name}: the scenario has no programs; add scenario.program("robot", "robot.py")'
         )
     return found
+
+
+def _forget_modules(folder: Path, known: Collection[str]) -> None:
+    """Let the programs import the scenario's own modules anew, each for itself."""
+    for name in sys.modules.keys() - known:
+        top = name.partition(".")[0]
+        places = folder / f"{top}.py", folder / top / "__init__.py"
+        if top not in known and any(each.is_file() for each in places):
+            del sys.modules[name]
 
 
 def main() -> None:

@@ -1,0 +1,108 @@
+"""The story of a failing run is for readers."""
+
+import msgspec
+
+from taskrpc.simulation.run.coverage import Coverage
+from taskrpc.simulation.run.trace import Event
+from taskrpc.simulation.search.protocol import Explained
+from taskrpc.simulation.search.story import lines_of, story, summary
+
+FOUND = Explained(
+    seed=7,
+    kind="every_order_once",
+    text="assert 2 == 1",
+    faults=["lose response 1 of /pick"],
+    groups=[],
+    in_order=True,
+    hash="abc",
+    events=[
+        Event(0.25, "robot", "start", "starts"),
+        Event(0.5, "student", "call", "/pick", "client.py:2"),
+        Event(0.5, "robot", "fault", "lose response 1 of /pick"),
+        Event(1.5, "student", "error", "/pick DEADLINE_EXCEEDED", "client.py:9"),
+    ],
+    waits=["student waits at client.py:2 for the response of /pick"],
+    first_faults=3,
+)
+LINES = {"client.py": ["import taskrpc", "    response = call()"]}
+
+
+def changed(**values):
+    return story(msgspec.structs.replace(FOUND, **values), LINES)
+
+
+def test_story_has_the_failure_the_faults_the_events_with_lines_and_the_waits():
+    assert story(FOUND, LINES).splitlines() == [
+        "FAILED: every_order_once",
+        "  assert 2 == 1",
+        "",
+        "Seed 7 fails with response 1 of /pick lost.",
+        "",
+        "   0.250 s  robot    starts",
+        "   0.500 s  student  calls /pick    client.py:2  response = call()",
+        "   0.500 s  robot    FAULT: response 1 of /pick lost",
+        "   1.500 s  student  call fails: /pick DEADLINE_EXCEEDED    client.py:9  ",
+        "",
+        "At the end:",
+        "  student waits at client.py:2 for the response of /pick",
+    ]
+
+
+def test_failure_without_faults_says_so():
+    assert "Seed 7 fails with no fault at all." in changed(faults=[])
+
+
+def test_what_a_failure_needs_besides_faults_is_named():
+    text = changed(faults=["kill robot at its event 3"], groups=["delays"], in_order=False)
+    assert (
+        "fails with robot killed and these delays of the network and an unlucky order of the"
+        " threads." in text
+    )
+
+
+def test_each_kind_of_fault_has_words():
+    names = [
+        "lose request 2 of /pick",
+        "duplicate request 1 of /pick",
+        "delay request 1 of /pick",
+        "refuse request 1 of /pick",
+        "kill robot at its event 2",
+        "part robot from student",
+        "slow robot",
+        "wrong clock robot",
+    ]
+    text = changed(faults=names)
+    assert "request 2 of /pick lost and request 1 of /pick arriving twice" in text
+    assert "robot and student out of each other's reach and a slow robot and a wrong clock" in text
+
+
+def test_long_story_has_a_gap_unless_everything_is_wanted():
+    events = [Event(number, "robot", "print", f"line {number}") for number in range(100)]
+    found = msgspec.structs.replace(FOUND, events=events)
+    short, long = story(found, LINES), story(found, LINES, everything=True)
+    assert "… 60 more events (--verbose shows them)" in short
+    assert "line 9\n" in short
+    assert "line 50\n" not in short
+    assert "line 50\n" in long
+
+
+def test_lines_are_those_of_the_files_in_the_folder(tmp_path):
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "client.py").write_text("one\ntwo\n")
+    assert lines_of(FOUND, tmp_path) == {"client.py": ["one", "two"]}
+
+
+def test_summary_says_what_was_reached_and_what_was_not():
+    coverage = Coverage(
+        runs=100,
+        seconds=600.0,
+        calls={"/pick": 9, "/place": 1},
+        unanswered={"/pick": 2},
+        offered={"/pick": 9, "/stop": 9},
+        faults={"lose request": 3, "kill": 1},
+    )
+    text = summary(coverage, 40, 2.0)
+    assert text.startswith("100 runs in 2.0 s (50 a second; 600 s of virtual time), 40 different")
+    assert "Calls: /pick 9 (2 without a response), /place 1." in text
+    assert "Faults: kill 1, lose request 3." in text
+    assert text.endswith("Not reached: nobody called /stop.")
