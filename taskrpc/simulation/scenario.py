@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -114,7 +114,8 @@ class Scenario:
 
     def _names(self, what: str, names: Sequence[str]) -> tuple[str, ...]:
         known = [each.name for each in self.programs]
-        found = (names,) if isinstance(names, str) else tuple(names)
+        is_one = isinstance(names, str) or not isinstance(names, Iterable)
+        found: tuple[Any, ...] = (names,) if is_one else tuple(names)
         for name in found:
             if name not in known:
                 words = ", ".join(known) or "no program yet"

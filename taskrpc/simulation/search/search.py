@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import queue
 import subprocess
@@ -84,7 +85,8 @@ class WorkerProcess:
         self._process.wait()
         for pipe in self._process.stdin, self._process.stdout:
             if pipe is not None:
-                pipe.close()
+                with contextlib.suppress(BrokenPipeError):  # it ended before it got all
+                    pipe.close()
 
     def __enter__(self) -> Self:
         return self
