@@ -110,16 +110,3 @@ def test_callback_that_waits_for_ever_is_found(simulated):
     failure = loaded.explain()
     assert failure.kind == "a callback that never ends"
     assert failure.text == "a callback of a waits for ever at a.py:7"
-
-
-def test_program_that_polls_for_ever_is_found(simulated):
-    loaded = simulated(
-        duration=12,
-        a="""
-        import time
-        done = False
-        while not done:
-            time.time()
-        """,
-    )
-    assert "a asks again and again at a.py:5" in loaded.explain().text

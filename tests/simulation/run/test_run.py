@@ -34,9 +34,9 @@ WAITING_ROBOT = """
 def test_same_seed_has_the_same_hash_after_other_runs(simulated, programs):
     loaded = simulated(FAULTS, robot=programs[0], client=programs[1], chancy=CHANCY)
     first = loaded.hash_of(5)
-    others = [loaded.hash_of(seed) for seed in range(6, 12)]
+    others = [loaded.hash_of(seed) for seed in range(6, 9)]
     assert loaded.hash_of(5) == first
-    assert len({first, *others}) == 7
+    assert len({first, *others}) == 4
 
 
 def hashes_in_another_process(file, seeds, hash_seed):
@@ -74,16 +74,16 @@ def test_same_seed_has_the_same_hash_in_another_process(simulated, programs):
     assert hashes_in_another_process(loaded.file, seeds, 12345) == first
 
 
-@PAIRS
-def test_variants_of_a_seed_keep_the_starts(simulated, programs):
+def test_variants_of_a_seed_keep_the_starts(simulated):
     loaded = simulated(
         """
         @scenario.finally_
         def fails(world):
             assert False
         """,
-        robot=programs[0],
-        client=programs[1],
+        duration=2,
+        robot=ROBOT,
+        client=CLIENT,
     )
     starts = []
     for seed in 5, 5 + VARIANT, 6:
@@ -123,9 +123,9 @@ def test_shares_lose_some_requests_and_responses(simulated):
     loaded = simulated(
         "scenario.faults(lose_requests=0.2, lose_responses=0.2)", robot=ROBOT, client=CLIENT
     )
-    faults = loaded.search(*range(20)).coverage.faults
-    assert 3 < faults["lose request"] < 25
-    assert 3 < faults["lose response"] < 25
+    faults = loaded.search(*range(10)).coverage.faults
+    assert 0 < faults["lose request"] < 20
+    assert 0 < faults["lose response"] < 20
 
 
 def test_delays_are_within_their_range(simulated):
@@ -145,14 +145,14 @@ def test_killed_program_starts_again_within_the_range(simulated):
     loaded = simulated(
         "scenario.faults(crash=('robot',), restart=(2.0, 3.0))", duration=20, robot=WAITING_ROBOT
     )
-    starts = [loaded.run(seed).starts["robot"] for seed in range(12)]
+    starts = [loaded.run(seed).starts["robot"] for seed in range(6)]
     assert set(starts) <= {1, 2, 3}
     assert max(starts) > 1
 
 
 def test_killed_program_without_restart_stays_away(simulated):
     loaded = simulated("scenario.faults(crash=('robot',))", duration=20, robot=WAITING_ROBOT)
-    outcomes = [loaded.run(seed) for seed in range(12)]
+    outcomes = [loaded.run(seed) for seed in range(6)]
     assert {each.starts["robot"] for each in outcomes} == {1}
     assert min(len(each.lines["robot"]) for each in outcomes) < 35
 
