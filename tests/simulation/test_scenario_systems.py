@@ -105,3 +105,9 @@ def test_lines_of_a_log_are_told_without_their_times() -> None:
 def test_story_says_that_the_failure_needs_the_order_of_the_starts() -> None:
     found = explained("missed_first_message", 17)
     assert (found.faults, found.groups) == ([], ["order of starts"])
+
+
+def test_story_tells_the_calls_of_an_action() -> None:
+    calls = [each.text for each in explained("cancel_while_succeeding", 0).events]
+    assert "/drive/_action/cancel_goal" in calls
+    assert "/drive/_action/status" not in calls

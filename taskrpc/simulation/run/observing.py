@@ -29,6 +29,8 @@ _OF_PARAMETERS = (
     "/set_parameters_atomically",
     "/get_type_description",
 )
+_OF_ACTIONS = "/_action/status"
+"""The topic on which taskrpc and rclpy tell the states of goals."""
 
 
 class Noting(Protocol):
@@ -180,6 +182,5 @@ class _Plan:
 
 
 def is_hidden(service: str) -> bool:
-    """Whether a service is one that taskrpc or rclpy makes by itself."""
-    inner = "/_action/" in service
-    return inner or service.startswith(_HIDDEN) or service.endswith(_OF_PARAMETERS)
+    """Whether a service or topic is one that taskrpc or rclpy makes by itself."""
+    return service.startswith(_HIDDEN) or service.endswith((*_OF_PARAMETERS, _OF_ACTIONS))

@@ -517,7 +517,8 @@ class Run:
                 for hub in self.hubs.values()
                 for tracked in hub.entries.values()
                 for endpoint in tracked.services.values()
-                if not is_hidden(endpoint.name)
+                # Few clients need all services of an action.
+                if not is_hidden(endpoint.name) and "/_action/" not in endpoint.name
             }
         )
 
