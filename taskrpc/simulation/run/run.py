@@ -30,6 +30,7 @@ from taskrpc.simulation.interpreter.threads import Handle
 from taskrpc.simulation.interpreter.watchdog import LIMIT, NeverWaits
 from taskrpc.simulation.run import calling, ends
 from taskrpc.simulation.run.choices import Choices
+from taskrpc.simulation.run.contents import Contents
 from taskrpc.simulation.run.coverage import Coverage
 from taskrpc.simulation.run.network import RunNetwork
 from taskrpc.simulation.run.observing import (
@@ -99,7 +100,8 @@ class Run:
         scenario: what to run.
         sources: the programs' files.
         choices: all chance.
-        tells: whether the events name the lines of the programs.
+        tells: whether the events name the lines of the programs, and the run keeps the contents of
+            calls.
     """
 
     def __init__(
@@ -118,6 +120,7 @@ class Run:
         self.hubs: dict[int, Hub] = {}
         self.trace = Trace()
         self.calls: list[CallRecord] = []
+        self.contents = Contents(lambda: self.now) if tells else None
         self.faults_happened: list[str] = []
         self.failure: Failure | None = None
         self.disk = Disk(World.folder, interpreter.cannot)

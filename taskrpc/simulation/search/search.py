@@ -114,6 +114,7 @@ def search(
     seconds: float | None = None,
     seed: int = 0,
     jobs: int | None = None,
+    records: bool = False,
     progress: Progress = lambda *_: None,
 ) -> Finding:
     """Run the scenario of a file with many seeds, up to the first that fails.
@@ -124,6 +125,7 @@ def search(
         seconds: how long, if `runs` is None.
         seed: the first seed.
         jobs: how many worker processes; by default as many as there are cores.
+        records: whether the failure has what `recording.write` needs.
         progress: is called several times a second.
 
     Raises TaskRpcError if the scenario cannot be simulated.
@@ -143,7 +145,7 @@ def search(
                 workers.stop()
             progress(coverage, seeds.found, time.monotonic() - begin)
         taken = time.monotonic() - begin
-        failure = None if failed is None else workers.first.ask(Explain(failed))
+        failure = None if failed is None else workers.first.ask(Explain(failed, records))
         return Finding(coverage, seeds.found, taken, failure, last if runs == 1 else "")
 
 

@@ -53,14 +53,15 @@ def story(found: Explained, lines: Mapping[str, Sequence[str]], *, everything: b
 
 
 def _needs(found: Explained) -> str:
-    names = [_fault_words(each) for each in found.faults]
+    names = [fault_words(each) for each in found.faults]
     if not found.in_order:
         names.append("an unlucky order of the threads")
     what = " and ".join(names) or "no fault at all"
     return f"Seed {found.seed} fails with {what}."
 
 
-def _fault_words(name: str) -> str:
+def fault_words(name: str) -> str:
+    """Return the name of a fault in words: `response 1 of /grasp lost`."""
     first, *words = name.split()
     if first in _PAST and words[0] in ("request", "response"):
         what, number, _, service = words
@@ -82,7 +83,7 @@ def _events(
     width = max((len(each.program) for each in events), default=0)
     told = []
     for each in events:
-        text = _fault_words(each.text) if each.kind == "fault" else each.text
+        text = fault_words(each.text) if each.kind == "fault" else each.text
         words = _WORDS[each.kind].format(text=text)
         told.append(f"{each.time:8.3f} s  {each.program:<{width}}  {words}{_source(each, lines)}")
     if len(told) > _LONGEST and not everything:
