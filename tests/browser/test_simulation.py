@@ -33,6 +33,7 @@ def recording(tmp_path):
         Event(1.2, "student", "print", "no response: I try again", "student.py:19"),
         Event(KILLED, "gripper", "crash", "is killed"),
         Event(AGAIN, "gripper", "start", "starts again"),
+        Event(FAILED, "student", "end", "ends with 0"),
     ]
     calls = [
         ToldCall(1, "student", "/grasp", 0.2, 1.2, "DEADLINE_EXCEEDED", 1.2),
@@ -92,6 +93,8 @@ def test_faults_and_failure_are_marks_at_their_times(recording, view):  # noqa: 
     line = "1.200 s student prints: no response: I try again (student.py:19)"
     tab.wait(lambda: tab.text("#message_text") == line, "the printed line")
     seek(page, END)
+    failure = f"{END:.3f} s {MARKS[END][1]}"
+    tab.wait(lambda: tab.text("#message_text") == failure, "the failure")
     assert tab.violations() == []
 
 

@@ -68,7 +68,8 @@ def _notes(found: Explained) -> Iterator[Note]:
     for each in found.events:
         text = fault_words(each.text) if each.kind == "fault" else each.text
         yield Note(each.time, each.program, each.kind, text, each.where)
-    text = found.text.partition("\n")[0]
+    lines = found.text.strip().splitlines() or [""]
+    text = lines[-1 if lines[0].startswith("Traceback") else 0]  # a traceback ends with the error
     yield Note(found.failed_at, "", "failure", f"{found.kind}: {text}" if text else found.kind)
 
 

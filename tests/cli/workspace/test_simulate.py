@@ -14,6 +14,9 @@ from taskrpc.observe.recording.mcap_file import Recording
 from taskrpc.observe.recording.timed_event import NOTES_TOPIC
 from taskrpc.observe.recording.timeline import Timeline
 from taskrpc.simulation.interpreter.loop import FIRST_DAY
+from taskrpc.simulation.run.trace import Event
+from taskrpc.simulation.search.protocol import Contents, Explained, ToldCall
+from taskrpc.simulation.search.recording import write
 
 GRIPPER = """
 import asyncio
@@ -163,3 +166,25 @@ def test_json_has_no_contents_of_calls(tmp_path):
     ended = simulate(tmp_path, "--record", "run.mcap", "--json")
     assert "contents" not in json.loads(ended.stdout)["failure"]
     assert (tmp_path / "run.mcap").exists()
+
+
+def test_recorded_exception_is_told_by_its_last_line(tmp_path):
+    text = 'Traceback (most recent call last):\n  File "a.py", line 1, in main\nKeyError: 7\n'
+    events = [Event(0.0, "a", "start", "starts")]
+    contents = Contents([], {}, [])
+    found = Explained(1, "exception in a", text, [], True, "", events, [], 0, 1.5, contents)
+    write(tmp_path / "run.mcap", found)
+    *_, last = Recording(tmp_path / "run.mcap").messages()
+    assert last.time == (int(FIRST_DAY) * 10 + 15) * 10**8
+    assert json.loads(last.data)["text"] == "exception in a: KeyError: 7"
+
+
+def test_call_that_nobody_answers_is_recorded_as_open(tmp_path):
+    calls = [ToldCall(1, "student", "/grasp", 0.5, None, "OK", None)]
+    found = Explained(1, "a", "", [], True, "", [], [], 0, 9.0, Contents(calls, {}, []))
+    write(tmp_path / "run.mcap", found)
+    reader = CallReader()
+    for message in Recording(tmp_path / "run.mcap").messages():
+        reader.take(message)
+    (call,) = reader.calls
+    assert (call.client, call.state, call.begin) == ("student", "open", FIRST_DAY + 0.5)

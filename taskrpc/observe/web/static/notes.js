@@ -53,7 +53,9 @@ export class NotesView {
     if (!count) return "";
     const { t } = this.notes[count - 1];
     const words = (note) => noteText(note) + (note.where && ` (${note.where})`);
-    const texts = this.notes.slice(Math.max(0, count - 20), count).filter((note) => t - note.t < TOGETHER).map(words);
+    const together = this.notes.slice(Math.max(0, count - 20), count).filter((note) => t - note.t < TOGETHER);
+    const failures = together.filter(({ kind }) => kind === "failure"); // there may be no room for more
+    const texts = (failures.length ? failures : together).map(words);
     return `${momentText(t - this.recording.begin)}  ${texts.join(" · ")}`;
   }
 
