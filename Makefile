@@ -57,9 +57,14 @@ format:
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
+# `make bench PYTHON=python3.12` for another Python; each has an environment of its own.
+BENCH = .venv-bench/$(shell $(PYTHON) -c 'import sys; print("%d.%d" % sys.version_info[:2])')
+ARGS ?=
+
 bench:
-	$(BIN)/pip install --quiet --editable '.[bench]'
-	$(BIN)/python benchmarks/run.py
+	$(PYTHON) -m venv $(BENCH)
+	$(BENCH)/bin/pip install --quiet --editable '.[bench]'
+	$(BENCH)/bin/python benchmarks/run.py $(ARGS)
 
 clean:
-	rm -rf $(VENV) .mutants .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) .venv-bench .mutants .mypy_cache .ruff_cache .pytest_cache .hypothesis

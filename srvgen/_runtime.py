@@ -6,8 +6,8 @@ and msgspec. Its order: errors and conversions of single values, arrays, checks 
 calls, and the base classes of messages, services and actions.
 
 Encoders, loaders and transports use these attributes of a message class: `_TYPE`, `_HASH`,
-`_FIELDS`, `_NESTED` and `_check`, and `_CODE` of an array. They begin with an underscore because
-the name of a field cannot: so they never collide with a field.
+`_FIELDS`, `_NESTED`, `_DECODES_EXACTLY` and `_check`, and `_CODE` of an array. They begin with an
+underscore because the name of a field cannot: so they never collide with a field.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from copy import deepcopy
 from functools import cache, partial
 from types import GenericAlias
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, NoReturn, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Generic, NoReturn, Self, TypeVar
 
 import msgspec
 
@@ -375,7 +375,7 @@ def _are_exact(items: list[Any], convert: Callable[[Any, str], Any]) -> bool:
     """Whether `convert` would change no element of a list; functions of C look at the elements."""
     types = set(map(type, items))
     if convert is to_byte:
-        return types == {bytes} and set(map(len, items)) == {1}
+        return types == {bytes} and _are_single_bytes(items)
     if convert is to_boolean:
         return types == {bool}
     bound = convert.keywords["bound"] if isinstance(convert, partial) else None
@@ -384,6 +384,14 @@ def _are_exact(items: list[Any], convert: Callable[[Any, str], Any]) -> bool:
     try:
         "".join(items).encode()
     except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _are_single_bytes(items: list[bytes]) -> bool:
+    try:
+        msgspec.convert(items, _LIMITED["byte[]"])
+    except msgspec.ValidationError:
         return False
     return True
 
@@ -483,12 +491,15 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
     """The class of each field with messages; it may be based on another package's runtime."""
     _WIDTH: ClassVar[int] = 0
     """The number of fields."""
+    _DECODES_EXACTLY: ClassVar[bool] = True
+    """Whether msgspec decodes only values that `_check` would accept and leave as they are."""
     _fields_and_field_types: ClassVar[dict[str, str]] = {}
     _check_fields: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         cls._WIDTH = len(cls._FIELDS)
         cls._fields_and_field_types = {name: _rosidl_type(type_) for name, type_ in cls._FIELDS}
+        _limit_decoded_values(cls)
         _take_arrays_when_set(cls)
         _name_slots_as_rosidl(cls)
 
@@ -540,6 +551,51 @@ def _name_slots_as_rosidl(cls: type[Message]) -> None:
 def attribute_of(cls: type[Message], name: str) -> str:
     """The attribute of a field: its name, or its name with `_` if that is reserved."""
     return name if name in cls.__dict__ else f"{name}_"
+
+
+def _limited(name: str) -> Any:
+    bits = int(name.removeprefix("u").removeprefix("int"))
+    if name == "uint64":  # msgpack has no larger integers
+        return Annotated[int, msgspec.Meta(ge=0)]
+    low, high = (0, 2**bits) if name[0] == "u" else (-(2 ** (bits - 1)), 2 ** (bits - 1))
+    return Annotated[int, msgspec.Meta(ge=low, le=high - 1)]
+
+
+_LIMITED: dict[str, Any] = {
+    f"{sign}int{bits}": _limited(f"{sign}int{bits}")
+    for sign in ("", "u")
+    for bits in (8, 16, 32, 64)
+}
+_LIMITED["char"] = _LIMITED["uint8"]
+_LIMITED["byte"] = Annotated[bytes, msgspec.Meta(min_length=1, max_length=1)]
+_LIMITED["byte[]"] = GenericAlias(list, (_LIMITED["byte"],))
+"""The annotations with which msgspec refuses values that do not fit their field."""
+
+_EXACT = frozenset({*_LIMITED, "float64"}).union(
+    f"{type_}{end}" for type_ in ("bool", "string", "wstring") for end in ("", "[]")
+)
+"""Types whose decoded values need no check: not float32, which is rounded, nor an array of numbers,
+which is decoded as bytes."""
+
+
+def _limit_decoded_values(cls: type[Message]) -> None:
+    """Let msgspec check ranges while it decodes, where that takes the place of `_check`.
+
+    The check of a message in Python takes longer than decoding it.
+    """
+    annotations = cls.__annotations__
+    cls._DECODES_EXACTLY = all(_decodes_exactly(cls, *field) for field in cls._FIELDS)
+    for name, type_ in cls._FIELDS:
+        if type_ in _LIMITED and (attribute := attribute_of(cls, name)) in annotations:
+            annotations[attribute] = _LIMITED[type_]
+
+
+def _decodes_exactly(cls: type[Message], name: str, type_: str) -> bool:
+    nested = cls._NESTED.get(name)
+    if nested is None:
+        return type_ in _EXACT
+    has_bound = "[" in type_ and not type_.endswith("[]")
+    return not has_bound and getattr(nested, "_DECODES_EXACTLY", False)
 
 
 def _take_arrays_when_set(cls: type[Message]) -> None:

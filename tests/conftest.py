@@ -175,6 +175,20 @@ def pytest_collection_finish():
     gc.freeze()
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item, nextitem):
+    """Collect the garbage of a file's tests, and never again walk what they leave on purpose.
+
+    Imported modules, loaded message classes and reports live to the end. Without this, they take
+    most of the time of tests that collect garbage.
+    """
+    ended = yield
+    if nextitem is None or nextitem.path != item.path:
+        gc.collect()
+        gc.freeze()
+    return ended
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _no_bytecode_of_temporary_programs(tmp_path_factory):
     """What tests wrote into temporary folders leaves no bytecode for the next sessions."""

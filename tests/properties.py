@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hypothesis import settings
 
-FEW = 30
+FEW = 10
 """Most examples of a test in the quick suite. `pytest -m hypothesis` tries them all."""
 
 ALL, QUICK = "taskrpc", "taskrpc-quick"

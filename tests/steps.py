@@ -58,7 +58,13 @@ def types(request: Any, response: Any) -> Any:
 
 @asynccontextmanager
 async def connected(
-    srv_type: Any, callback: Any, *, once: bool = False, transport: str = "memory", **options: Any
+    srv_type: Any,
+    callback: Any,
+    *,
+    once: bool = False,
+    beside_once: bool = False,
+    transport: str = "memory",
+    **options: Any,
 ) -> AsyncIterator[Any]:
     """A client in one process, so to speak, and its server in another."""
     store = taskrpc.MemoryCompletions() if once else None
@@ -67,6 +73,10 @@ async def connected(
         taskrpc.Node("client", transport=transport, listen="client") as node,
     ):
         server.create_service(srv_type, "work", callback, concurrency=IN_FLIGHT, exactly_once=store)
+        if beside_once:
+            other = node.create_client(Add, "once")
+            server.create_service(Add, "once", add, exactly_once=taskrpc.MemoryCompletions())
+            await other.call(_two_ints)
         client = node.create_client(srv_type, "work", **options)
         await client.wait_for_service()
         yield client
@@ -211,6 +221,10 @@ WORKS: dict[str, tuple[Callable[[], Awaitable[int]], int]] = {
         CALLS,
     ),
     "an exactly-once call": (calling(Add, add, _two_ints, once=True), CALLS),
+    "a call beside an exactly-once service": (
+        calling(Add, add, _two_ints, beside_once=True),
+        CALLS,
+    ),
     "a message to one subscription": (publishing, CALLS),
     "a service made and destroyed": (creating, SERVICES),
     "a task submitted and cancelled": (queueing, TASKS),

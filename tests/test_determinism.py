@@ -73,6 +73,13 @@ def sources() -> list[tuple[str, ast.Module]]:
     return list(_sources())
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _no_sources_afterwards():
+    """Forget the parsed sources: each collection of garbage in later tests would walk them."""
+    yield
+    sources.cache_clear()
+
+
 def _sources() -> Iterator[tuple[str, ast.Module]]:
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):

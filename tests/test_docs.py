@@ -224,6 +224,7 @@ MODULES = {
     "taskrpc.observe.web": importlib.import_module("taskrpc.observe.web").__all__,
     "taskrpc.observe.otel": ["Tracing"],
     "taskrpc.testing": importlib.import_module("taskrpc.testing").__all__,
+    "taskrpc.simulation": importlib.import_module("taskrpc.simulation").__all__,
     "taskrpc.robot": importlib.import_module("taskrpc.robot").__all__,
     "srvgen": srvgen.__all__,
 }
@@ -245,6 +246,7 @@ NOT_CONSTRUCTED = {
     "Role",
     "ServerGoal",
     "Service",
+    "SimulatedWorld",
     "Srv",
     "Subscription",
     "Timer",

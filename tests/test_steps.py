@@ -41,6 +41,10 @@ def test_a_piece_of_work_takes_as_many_steps_as_it_did(name, counts, figures):
     )
 
 
+def test_exactly_once_service_costs_the_calls_of_other_services_nothing(counts):
+    assert counts["a call beside an exactly-once service"] == counts["a call"]
+
+
 def test_each_piece_of_work_has_a_figure_for_each_python():
     for version, figures in json.loads(FIGURES.read_text()).items():
         assert set(figures) == set(WORKS), version

@@ -12,13 +12,14 @@ from pathlib import Path
 from benchmarks.contenders import BASELINE
 from benchmarks.harness import idle
 from benchmarks.harness.contender import Contender
-from benchmarks.harness.jsonfile import to_json
+from benchmarks.harness.jsonfile import from_json, to_json
 from benchmarks.harness.machine import Others, about
 from benchmarks.harness.picture import picture
 from benchmarks.harness.processes import CAN_PIN, ChildFailed, Pair
 from benchmarks.harness.report import report
 from benchmarks.harness.results import Results
-from benchmarks.harness.rounds import Field, run_rounds
+from benchmarks.harness.rounds import TURNS, Field, run_rounds
+from benchmarks.harness.sources import sources_digest
 from benchmarks.harness.startup import measure_commands, measure_start_up
 from benchmarks.harness.versions import version_of
 from benchmarks.harness.workloads import phases
@@ -42,6 +43,18 @@ QUICK = Settings(
 )
 
 
+WITH_WARM_UP = 1.2
+"""How much longer a measurement takes with its warm-up."""
+BETWEEN = 0.02
+"""Seconds between two measurements."""
+START = 0.4
+"""Seconds in which a contender's server or both of its processes start and end."""
+COMMANDS = 1.0
+"""Seconds of the command lines of a round."""
+HOLDING = 1.0
+"""Seconds in which idle connections are opened and closed."""
+
+
 def say(text: str) -> None:
     """Print the progress."""
     print(text, file=sys.stderr, flush=True)
@@ -50,8 +63,11 @@ def say(text: str) -> None:
 def run(contenders: Sequence[Contender], settings: Settings) -> Results:
     """Measure these contenders, of which the baseline must be one."""
     others = Others()
-    results = Results({**about(), **asdict(settings)}, _versions(contenders))
+    described = {**about(), "sources": sources_digest(), **asdict(settings)}
+    results = Results(described, _versions(contenders))
     chosen = [each for each in contenders if not _leave_out(each, results)]
+    minutes = expected_minutes(chosen, settings)
+    say(f"Python {results.python}, {len(chosen)} contenders: takes about {minutes:.0f} min")
     with ExitStack() as stack:
         pairs = _started(chosen, stack, results)
         field = Field(pairs, results)
@@ -103,17 +119,50 @@ def _attempt(what: str, results: Results, measure: Callable[[], None]) -> None:
         say(f"{what}: {error}")
 
 
+def expected_minutes(contenders: Sequence[Contender], settings: Settings) -> float:
+    """How long a run takes: each measurement with its warm-up, and what lies between them."""
+    measured = 0
+    for workloads in phases(can_pin=CAN_PIN):
+        for workload in workloads:
+            count = sum(workload.suits(each) for each in contenders)
+            measured += count + count // TURNS  # the baseline's turns
+    a_round = measured * (WITH_WARM_UP * settings.seconds + BETWEEN)
+    a_round += len(contenders) * START + COMMANDS
+    held = sum(each.idle for each in contenders) * len(settings.idle_counts)
+    idle_round = held * (WITH_WARM_UP * settings.idle_seconds + HOLDING)
+    seconds = settings.rounds * a_round + settings.idle_rounds * idle_round
+    return (seconds + len(contenders) * START) / 60
+
+
 def write(results: Results, folder: Path) -> None:
-    """Write RESULTS.md, results.json and latency.svg."""
+    """Write the numbers of a run, and the tables of the runs with all Pythons."""
     folder.mkdir(parents=True, exist_ok=True)
-    files = {
-        "RESULTS.md": report(results),
-        "results.json": to_json(results),
-        "latency.svg": picture(results),
-    }
-    for name, text in files.items():
-        (folder / name).write_text(text, encoding="utf-8")
-        say(f"wrote {folder / name}")
+    _write(folder / f"results-{results.python}.json", to_json(results))
+    write_tables(folder)
+
+
+def write_tables(folder: Path) -> None:
+    """Write RESULTS.md and latency.svg from the numbers in a folder."""
+    runs = published(folder)
+    current = sources_digest()
+    for run in runs:
+        if run.about.get("sources") != current:
+            say(
+                f"results-{run.python}.json is older than the code: measure Python {run.python} too"
+            )
+    _write(folder / "RESULTS.md", report(runs))
+    _write(folder / "latency.svg", picture(runs[0]))
+
+
+def published(folder: Path) -> list[Results]:
+    """The runs whose numbers are in a folder, the oldest Python first."""
+    runs = [from_json(path.read_text(encoding="utf-8")) for path in folder.glob("results-*.json")]
+    return sorted(runs, key=lambda run: [int(part) for part in run.python.split(".")])
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+    say(f"wrote {path}")
 
 
 def _versions(contenders: Sequence[Contender]) -> dict[str, str]:

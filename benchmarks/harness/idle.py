@@ -65,6 +65,6 @@ def _measure(each: _Crowded, counts: Sequence[int], seconds: float, results: Res
     for count in counts:
         each.hold(count)
         found = held.setdefault(count, Idle())
-        found.memory.append(each.pair.usage()["memory"])
-        found.samples.append(each.pair.measure(payload=0, in_flight=_IN_FLIGHT, seconds=seconds))
+        memory = each.pair.usage()["memory"]
+        found.add(memory, each.pair.measure(payload=0, in_flight=_IN_FLIGHT, seconds=seconds))
     each.hold(0)

@@ -1,4 +1,4 @@
-"""results.json: the figures of every round, for further calculations."""
+"""results-3.11.json: the figures of every round with one Python, for further calculations."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import json
 from typing import Any
 
 from benchmarks.harness.goals import GOALS, LOOPS
-from benchmarks.harness.load import Sample
-from benchmarks.harness.results import MEASURES, Idle, Results
+from benchmarks.harness.results import Idle, Results, Rounds
 
 _DIGITS = 5
 
@@ -20,7 +19,7 @@ def to_json(results: Results) -> str:
         "left_out": results.left_out,
         "goals": _goals(results),
         "calls": {
-            workload: {name: _rounds(pairs) for name, pairs in by_name.items()}
+            workload: {name: _rounds(measures) for name, measures in by_name.items()}
             for workload, by_name in results.calls.items()
         },
         "idle_connections": {
@@ -32,6 +31,30 @@ def to_json(results: Results) -> str:
         "imports": results.imports,
     }
     return _spaced(sections, depth=2) + "\n"
+
+
+def from_json(text: str) -> Results:
+    """The results of such a file."""
+    found = json.loads(text)
+    return Results(
+        found["about"],
+        found["versions"],
+        found["left_out"],
+        {
+            workload: {
+                name: {measure: Rounds(**each) for measure, each in measures.items()}
+                for name, measures in by_name.items()
+            }
+            for workload, by_name in found["calls"].items()
+        },
+        {
+            name: {int(count): Idle(each.pop("server_bytes"), each) for count, each in held.items()}
+            for name, held in found["idle_connections"].items()
+        },
+        found["start_up"],
+        found["commands"],
+        found["imports"],
+    )
 
 
 def _goals(results: Results) -> list[dict[str, Any]]:
@@ -50,23 +73,15 @@ def _goals(results: Results) -> list[dict[str, Any]]:
     return rows
 
 
-def _rounds(pairs: list[tuple[Sample, Sample]]) -> dict[str, dict[str, list[float | None]]]:
+def _rounds(measures: dict[str, Rounds]) -> dict[str, dict[str, Any]]:
     return {
-        measure: {
-            "values": [take(sample) for sample, _ in pairs],
-            "ratios": [_ratio(take(sample), take(baseline)) for sample, baseline in pairs],
-        }
-        for measure, take in MEASURES.items()
+        measure: {"values": rounds.values, "ratios": rounds.ratios}
+        for measure, rounds in measures.items()
     }
 
 
-def _ratio(value: float, baseline: float) -> float | None:
-    return value / baseline if baseline else None
-
-
 def _idle(found: Idle) -> dict[str, list[float]]:
-    figures = {name: [take(each) for each in found.samples] for name, take in MEASURES.items()}
-    return {"server_bytes": found.memory, **figures}
+    return {"server_bytes": found.memory, **found.measures}
 
 
 def _spaced(value: Any, depth: int) -> str:

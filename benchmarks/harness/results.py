@@ -31,15 +31,37 @@ class Figure:
     """The least and the greatest of the rounds' ratios."""
 
 
-def figure(values: Sequence[float], baseline: Sequence[float]) -> Figure | None:
-    """Values of the rounds, each divided by its round's baseline; None where one of those is 0.
+@dataclass
+class Rounds:
+    """One measure, round by round."""
+
+    values: list[float] = field(default_factory=list)
+    ratios: list[float | None] = field(default_factory=list)
+    """To the baseline of the same round; None where that is 0.
 
     The CPU time of a short round is 0 on Windows, whose clock for it ticks every 16 ms.
     """
-    if 0 in baseline:
-        return None
-    ratios = [value / base for value, base in zip(values, baseline, strict=True)]
-    return Figure(statistics.median(values), statistics.median(ratios), min(ratios), max(ratios))
+
+    def add(self, value: float, baseline: float) -> None:
+        """Note what a round brought."""
+        self.values.append(value)
+        self.ratios.append(value / baseline if baseline else None)
+
+    def figure(self) -> Figure | None:
+        """The medians; None without a ratio for each round."""
+        ratios = [ratio for ratio in self.ratios if ratio is not None]
+        if len(ratios) < len(self.values):
+            return None
+        middle = statistics.median(ratios)
+        return Figure(statistics.median(self.values), middle, min(ratios), max(ratios))
+
+
+def figure(values: Sequence[float], baseline: Sequence[float]) -> Figure | None:
+    """Values of the rounds, each divided by its round's baseline."""
+    rounds = Rounds()
+    for value, base in zip(values, baseline, strict=True):
+        rounds.add(value, base)
+    return rounds.figure()
 
 
 @dataclass
@@ -48,7 +70,14 @@ class Idle:
 
     memory: list[float] = field(default_factory=list)
     """Bytes of the server; only the first, before connections came and went, is meaningful."""
-    samples: list[Sample] = field(default_factory=list)
+    measures: dict[str, list[float]] = field(default_factory=dict)
+    """What calls took, round by round."""
+
+    def add(self, memory: float, sample: Sample) -> None:
+        """Note what a round brought."""
+        self.memory.append(memory)
+        for measure, take in MEASURES.items():
+            self.measures.setdefault(measure, []).append(take(sample))
 
 
 @dataclass
@@ -60,8 +89,8 @@ class Results:
     versions: dict[str, str] = field(default_factory=dict)
     left_out: dict[str, str] = field(default_factory=dict)
     """Contenders that did not take part, and why."""
-    calls: dict[str, dict[str, list[tuple[Sample, Sample]]]] = field(default_factory=dict)
-    """By workload and contender: for each round the sample, and the baseline's."""
+    calls: dict[str, dict[str, dict[str, Rounds]]] = field(default_factory=dict)
+    """By workload, contender and measure."""
     idle: dict[str, dict[int, Idle]] = field(default_factory=dict)
     """By contender and number of idle connections."""
     start_up: dict[str, list[float]] = field(default_factory=dict)
@@ -72,22 +101,26 @@ class Results:
     """By command line and package: modules imported, and their own seconds."""
 
     @property
+    def python(self) -> str:
+        """The version of Python without its last part: "3.12"."""
+        version: str = self.about["python"].rpartition(" ")[2]
+        return ".".join(version.split(".")[:2])
+
+    @property
     def pinned(self) -> bool:
         """Whether the figures that count are of one core."""
         return any(key.startswith("pinned") for key in self.calls)
 
     def add(self, workload: Workload, name: str, sample: Sample, baseline: Sample) -> None:
         """Note what a round brought."""
-        by_name = self.calls.setdefault(workload.key, {})
-        by_name.setdefault(name, []).append((sample, baseline))
+        measures = self.calls.setdefault(workload.key, {}).setdefault(name, {})
+        for measure, take in MEASURES.items():
+            measures.setdefault(measure, Rounds()).add(take(sample), take(baseline))
 
     def figure(self, workload: Workload, name: str, measure: str) -> Figure | None:
         """A cell of the tables; None where it was not measured."""
-        pairs = self.calls.get(workload.key, {}).get(name)
-        if not pairs:
-            return None
-        take = MEASURES[measure]
-        return figure([take(one) for one, _ in pairs], [take(base) for _, base in pairs])
+        measures = self.calls.get(workload.key, {}).get(name)
+        return measures[measure].figure() if measures else None
 
     def idle_bytes(self, name: str, count: int) -> float | None:
         """Bytes of server memory for each of so many idle connections."""
@@ -101,10 +134,7 @@ class Results:
         held = self.idle.get(name, {})
         if count not in held or 0 not in held:
             return None
-        take = MEASURES[measure]
-        return figure(
-            [take(one) for one in held[count].samples], [take(one) for one in held[0].samples]
-        )
+        return figure(held[count].measures[measure], held[0].measures[measure])
 
     def start_figure(self, name: str, baseline: str) -> Figure | None:
         """Seconds from starting a server to its first answer."""

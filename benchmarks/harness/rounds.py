@@ -10,7 +10,7 @@ from benchmarks.harness.processes import ChildFailed, Pair, all_cores
 from benchmarks.harness.results import Results
 from benchmarks.harness.workloads import IN_FLIGHT, Workload
 
-_TURNS = 4
+TURNS = 4
 """Turns for which one measurement of the baseline counts: a machine's speed drifts."""
 
 Say = Callable[[str], None]
@@ -52,7 +52,7 @@ def run_round(
         cores = {max(cores)}
     baseline = {}
     for turn, pair in enumerate(field.others(number)):
-        if turn % _TURNS == 0:
+        if turn % TURNS == 0:
             baseline = _measured(field.baseline, workload, cores, seconds)
             if turn == 0:
                 results.add(workload, BASELINE.name, baseline, baseline)

@@ -13,9 +13,9 @@ from taskrpc.simulation.scenario import Scenario
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from taskrpc.simulation.checking import check_scenario as check_scenario
-    from taskrpc.simulation.run.world import World as World
+    from taskrpc.simulation.run.world import SimulatedWorld as SimulatedWorld
 
-__all__ = ["Scenario", "World", "check_scenario"]
+__all__ = ["Scenario", "SimulatedWorld", "check_scenario"]
 
 
 def __getattr__(name: str) -> object:
@@ -24,8 +24,8 @@ def __getattr__(name: str) -> object:
         from taskrpc.simulation.checking import check_scenario
 
         return check_scenario
-    if name == "World":
-        from taskrpc.simulation.run.world import World
+    if name == "SimulatedWorld":
+        from taskrpc.simulation.run.world import SimulatedWorld
 
-        return World
+        return SimulatedWorld
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -12,7 +12,7 @@ import msgspec
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
-    from taskrpc.simulation.run.world import World
+    from taskrpc.simulation.run.world import SimulatedWorld
 
 _Check = TypeVar("_Check", bound="Callable[[Any], object]")
 
@@ -67,8 +67,8 @@ class Scenario:
         self.duration = _seconds("duration", duration, least=math.ulp(0.0))
         self.programs: list[ProgramEntry] = []
         self.fault_settings = Faults()
-        self.always_checks: list[Callable[[World], object]] = []
-        self.final_checks: list[Callable[[World], object]] = []
+        self.always_checks: list[Callable[[SimulatedWorld], object]] = []
+        self.final_checks: list[Callable[[SimulatedWorld], object]] = []
 
     def program(self, name: str, file: str | Path, *arguments: str) -> None:
         """Add a program: a Python file, which may import rclpy or taskrpc, and its arguments.
@@ -122,12 +122,12 @@ class Scenario:
         return found
 
     def always(self, check: _Check) -> _Check:
-        """Decorate a function of the `World` that must not raise, after each step of a run."""
+        """Decorate a function of the `SimulatedWorld` that must not raise after any step."""
         self.always_checks.append(check)
         return check
 
     def finally_(self, check: _Check) -> _Check:
-        """Decorate a function of the `World` that must not raise at the end of a run."""
+        """Decorate a function of the `SimulatedWorld` that must not raise at the end of a run."""
         self.final_checks.append(check)
         return check
 

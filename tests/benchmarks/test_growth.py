@@ -52,6 +52,7 @@ def test_report_and_picture_show_each_curve_and_name_too_fast_growth():
     ET.fromstring(picture("A <title>", [(TOPICS[0].title, found[0][1])]))
 
 
+@pytest.mark.end_to_end
 @pytest.mark.real_time
 @pytest.mark.parametrize("name", [each.name for each in TOPICS])
 def test_each_topic_measures_all_its_curves(name):

@@ -18,13 +18,15 @@ from taskrpc.course.labs.catalogue import lab
 from taskrpc.course.labs.starter import filled
 from taskrpc.course.labs.variants import Variant
 from tests.browser.chromium import PATIENCE, Tabs, chromium
-from tests.browser.legible import SIZES, all_faults, faults
+from tests.browser.legible import SCHEMES, SIZES, all_faults, faults
 from tests.javascript.pyodide import archives
 from tests.labs.submissions import solution_of
 
 SOLUTION = Path(__file__).parents[2] / "examples" / "labs" / "lab1" / "solution"
 LONG = 120
 """Seconds until Python is loaded, which the browser compiles first, or until a check has ended."""
+SCROLLED = "#editor, #output_panel .scroll"
+"""What a reader of the page scrolls on purpose."""
 NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
 
 ASYNC_SERVER = """
@@ -167,7 +169,7 @@ def test_solutions_of_the_other_labs_pass_the_check(tabs, lab_server, number):
         page.tab.run("localStorage.clear()")
 
 
-def test_a_wrong_program_gets_a_message_that_says_what_was_expected(page):
+def test_a_wrong_program_gets_a_message_that_can_be_read_and_says_what_was_expected(page):
     page.write_solution()
     text = (SOLUTION / "server.py").read_text(encoding="utf-8").replace("@SERVICE@", "add_two_ints")
     page.write("server.py", text.replace("        return response\n", ""))
@@ -175,6 +177,10 @@ def test_a_wrong_program_gets_a_message_that_says_what_was_expected(page):
     failed = next(text for text in findings if "expected" in text)
     assert "a response of /add_two_ints to a=2 b=3" in failed
     assert "passed." in findings[-1]
+    for size, pixels in SIZES.items():
+        page.tab.size(*pixels)
+        found = faults(page.tab, SCROLLED)
+        assert not found, "\n".join([size, *found])
 
 
 def test_a_traceback_shows_only_the_lines_of_the_student(page):
@@ -234,32 +240,18 @@ def test_the_robot_drives_to_a_click_on_the_map(page):
     page.tab.wait(lambda: page.tab.text("#pose") != before, "the robot to move")
 
 
-SCROLLED = "#editor, #output_panel .scroll"
-
-
-@pytest.mark.parametrize("number", [1, 2, 3])
-@pytest.mark.parametrize("version", ["rclpy", "async"])
-def test_text_and_files_of_each_lab_can_be_read(page, number, version):
-    page.tab.run("page.open(arguments[0]); page.open_version(arguments[1])", number, version)
-    found = all_faults(page.tab, f"lab {number}", version, scrolled=SCROLLED)
+def test_the_page_is_accessible_and_each_lab_can_be_read(page):
+    for theme in SCHEMES:
+        page.tab.prefer(color_scheme=theme)
+        assert page.tab.violations() == [], theme
+    found = []
+    for version in ("rclpy", "async"):
+        for number in (1, 2, 3):
+            page.tab.run(
+                "page.open(arguments[0]); page.open_version(arguments[1])", number, version
+            )
+            found += all_faults(page.tab, f"lab {number}", version, scrolled=SCROLLED)
     assert not found, "\n".join(found)
-
-
-@pytest.mark.parametrize("size", SIZES)
-def test_findings_of_a_check_can_be_read(page, size):
-    page.tab.size(*SIZES[size])
-    page.write_solution()
-    text = (SOLUTION / "server.py").read_text(encoding="utf-8").replace("@SERVICE@", "add_two_ints")
-    page.write("server.py", text.replace("        return response\n", ""))
-    page.check()
-    found = faults(page.tab, SCROLLED)
-    assert not found, "\n".join(found)
-
-
-@pytest.mark.parametrize("theme", ["light", "dark"])
-def test_the_page_is_accessible(tabs, lab_server, theme):
-    page = LabPage(tabs.open(lab_server.url, color_scheme=theme))
-    assert page.tab.violations() == []
 
 
 def test_without_jspi_and_network_a_static_server_offers_the_asynchronous_lab(files, tmp_path):

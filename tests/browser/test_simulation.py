@@ -41,7 +41,18 @@ def recording(tmp_path):
     ]
     text = "the gripper grasped 2 times\ngrasp.sim.py:12  assert grasps <= 1"
     found = Explained(
-        15, "one_grasp", text, [], True, "", events, [], 2, FAILED, Contents(calls, {}, [])
+        seed=15,
+        kind="one_grasp",
+        text=text,
+        faults=[],
+        groups=[],
+        in_order=True,
+        hash="",
+        events=events,
+        waits=[],
+        first_faults=2,
+        failed_at=FAILED,
+        contents=Contents(calls, {}, []),
     )
     path = tmp_path / "grasp.mcap"
     write(path, found)

@@ -367,6 +367,7 @@ with taskrpc.sync.Node("c") as node:
 """
 
 
+@pytest.mark.end_to_end
 @pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows sends no such signal")
 @pytest.mark.parametrize("program", [NATIVE, BLOCKING], ids=["native", "blocking"])

@@ -200,7 +200,7 @@ class Stage:
         right = pattern_of(shown).fullmatch(said) if shown.strip() else not said.strip()
         assert right, f"$ {command}\n{shown}\n--- got\n{said}"
         # A program of the reader's may raise; a command may not.
-        theirs = command.startswith(("python ", "taskrpc run "))
+        theirs = command.startswith(("python ", "taskrpc run ", "taskrpc simulate "))
         assert "Traceback" not in said or theirs, f"$ {command}\n{said}"
 
     def _check_status(self, what: str, expected: int) -> None:

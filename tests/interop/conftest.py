@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from taskrpc.core.system.file_locks import locked
+
 FOLDER = Path(__file__).parent
 ROOT = FOLDER.parents[1]
 PACKAGES = "rclpy rmw-fastrtps-cpp std-srvs std-msgs test-msgs geometry-msgs lifecycle-msgs".split()
@@ -23,7 +25,7 @@ HAS_WHEELS = (
     and (3, 11) <= sys.version_info < (3, 15)
 )
 LIMIT = 180.0
-"""Seconds for one async test; pyzeros compiles its messages first, which takes up to a minute."""
+"""Seconds for one async test, without its fixtures; only a test that hangs takes so long."""
 
 
 def pytest_collection_modifyitems(items):
@@ -53,17 +55,27 @@ def ros_python(tmp_path_factory):
         return given
     if not HAS_WHEELS:
         pytest.skip("PyPI has wheels of rclpy for Linux on x86-64 and Python 3.11 to 3.14 only")
-    folder = tmp_path_factory.mktemp("ros") / "environment"
-    subprocess.run([sys.executable, "-m", "venv", folder], check=True, timeout=300)
-    python = str(folder / "bin" / "python")
-    wanted = [f"ros-{name}" for name in PACKAGES] + TOOLS
-    install = [python, "-m", "pip", "install", "--quiet", *wanted]
+    folder = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        folder = folder.parent  # that of all processes of this session
+    ready = folder / "ros-ready"
+    python = str(folder / "ros" / "bin" / "python")
+    with locked(folder / "ros.lock"):
+        if not ready.exists():
+            _make_environment(folder / "ros", python)
+            ready.touch()
+    return python
+
+
+def _make_environment(folder, python):
+    """Make the environment with this Python; without an index of packages, skip the test."""
+    subprocess.run([sys.executable, "-m", "venv", "--clear", folder], check=True, timeout=300)
+    pip = [python, "-m", "pip", "install", "--quiet", "--no-compile"]
+    install = [*pip, *(f"ros-{name}" for name in PACKAGES), *TOOLS]
     ended = subprocess.run(install, stderr=subprocess.PIPE, text=True, timeout=900)
     if ended.returncode:
         reason = ended.stderr.strip().splitlines()[-1]
         if os.environ.get("CI"):
             pytest.fail(f"cannot install the real rclpy: {reason}")
         pytest.skip(f"cannot install the real rclpy: {reason}")
-    own = [python, "-m", "pip", "install", "--quiet", "--editable", f"{ROOT}[tls]"]
-    subprocess.run(own, check=True, timeout=900)
-    return python
+    subprocess.run([*pip, "--editable", f"{ROOT}[tls]"], check=True, timeout=900)

@@ -1,4 +1,7 @@
-"""A program that uses pyzeros: `pyzeros_program.py PORT ACTION NAME`."""
+"""A program that uses pyzeros: `pyzeros_program.py PORT ACTION NAME`.
+
+`pyzeros_program.py compile` compiles what pyzeros needs, and keeps it in the working folder.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +30,18 @@ async def ready(received):
         yield each
 
 
+async def reachable(server):
+    """Wait until another session can call the server: pyzeros shows a server before that."""
+    with open_session() as session:
+        complete = zenoh.QueryTarget.ALL_COMPLETE
+        querier = session.declare_querier(server.service_keyexpr, target=complete)
+        while not querier.matching_status.matching:
+            await asyncio.sleep(0.01)
+
+
 async def serve(name):
     server = pyzeros.Server(SetBool, name)
+    await reachable(server)
     async for responder in ready(server.listen_reliable()):
         responder.response.success = responder.request.data
         responder.response.message = "from pyzeros"
@@ -56,14 +69,24 @@ async def listen(name):
         say(message.data)
 
 
-def main():
-    port, action, name = sys.argv[1:]
-    # Now: its first use runs a C compiler for seconds, unless the folder has the result.
+def compile_messages():
+    """Use the compiled code once, so that it is ready; without it, a C compiler runs first."""
     Attachment.deserialize(bytes((0, 1, 0, 0)) + Attachment().serialize()[4:])
+
+
+def open_session():
     config = zenoh.Config()
     config.insert_json5("mode", '"client"')
-    config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{port}"]))
-    session = zenoh.open(config)
+    config.insert_json5("connect/endpoints", json.dumps([f"tcp/127.0.0.1:{sys.argv[1]}"]))
+    return zenoh.open(config)
+
+
+def main():
+    compile_messages()
+    if sys.argv[1:] == ["compile"]:
+        return
+    action, name = sys.argv[2:]
+    session = open_session()
     with pyzeros.auto_context(node="pyzeros", zenoh_session=session, namespace="/foreign"):
         asyncio.run(globals()[action](name))
 

@@ -6,6 +6,7 @@ The argument is `single` or `multi`, the kind of executor.
 import os
 import re
 import sys
+import threading
 import time
 
 import rclpy
@@ -56,6 +57,8 @@ class World:
         self.executor.add_node(self.node)
         group = ReentrantCallbackGroup()
         self.handles = []
+        self.is_handed_over = threading.Event()
+        """Set when `accepted` has ended, which is after the client has got its response."""
         self.number = 0
         self.cancels = CancelResponse.ACCEPT
         self.server = ActionServer(
@@ -67,7 +70,7 @@ class World:
             goal_callback=self.accept,
             handle_accepted_callback=self.accepted,
             cancel_callback=self.cancel,
-            result_timeout=1,
+            result_timeout=int(PATIENCE),
         )
         self.client = ActionClient(self.node, Fibonacci, "fibonacci", callback_group=group)
         say("ready", self.client.wait_for_server(PATIENCE), self.client.server_is_ready())
@@ -83,6 +86,7 @@ class World:
         self.handles.append(handle)
         if handle.request.order != WAIT:
             handle.execute()
+        self.is_handed_over.set()
 
     def cancel(self, handle):
         say("asked to cancel", handle.request.order, STATUS[handle.status])
@@ -123,19 +127,22 @@ class World:
     def send(self, order):
         self.number += 1
         heard = []
+        self.is_handed_over.clear()
         future = self.client.send_goal_async(
             Fibonacci.Goal(order=order),
             feedback_callback=lambda message: heard.append(list(message.feedback.sequence)),
             goal_uuid=UUID(uuid=[self.number] * 16),
         )
         handle = self.wait(future)
+        if handle.accepted:  # another thread may still be in `accepted`
+            self.is_handed_over.wait(PATIENCE)
         say("response", handle.accepted, handle.stamp.sec > 0, bytes(handle.goal_id.uuid).hex())
         return handle, heard
 
-    def finish(self, handle, heard=()):
+    def finish(self, handle, heard=None):
         response = self.wait(handle.get_result_async())
-        for _ in range(5):
-            self.executor.spin_once(0.05)
+        # The feedback and the status are messages, which may come after the result.
+        self.spin_until(lambda: heard != [] and handle.status == response.status, 0.2)
         say("result", STATUS[response.status], list(response.result.sequence), heard)
         say("handle", STATUS[handle.status])
 
@@ -151,6 +158,22 @@ class World:
         goals = [bytes(each.goal_id.uuid).hex()[:2] for each in response.goals_canceling]
         say("cancel response", response.return_code, sorted(goals))
         self.node.destroy_client(client)
+
+    def expire(self):
+        """Ask for the result of a goal until the server has forgotten the goal."""
+        server = ActionServer(self.node, Fibonacci, "short", self.execute, result_timeout=1)
+        client = ActionClient(self.node, Fibonacci, "short")
+        client.wait_for_server(PATIENCE)
+        goal, name = Fibonacci.Goal(order=SUCCEED), UUID(uuid=[98] * 16)
+        handle = self.wait(client.send_goal_async(goal, goal_uuid=name))
+        end = time.monotonic() + PATIENCE
+        response = self.wait(handle.get_result_async())
+        while response.status and time.monotonic() < end:
+            self.executor.spin_once(0.1)
+            response = self.wait(handle.get_result_async())
+        say("result", STATUS[response.status], list(response.result.sequence))
+        server.destroy()
+        client.destroy()
 
     def introspect(self):
         """Say which introspection events the services of the action publish."""
@@ -193,12 +216,12 @@ class World:
         # The client publishes, and the server does.
         return all(len(self.node.get_publishers_info_by_topic(topic)) == 2 for topic in topics)
 
-    def spin_until(self, condition):
-        """Spin until a condition holds, and half a second longer for what should not come."""
+    def spin_until(self, condition, longer=0.5):
+        """Spin until a condition holds, and some seconds longer for what should not come."""
         end = time.monotonic() + PATIENCE
         while not condition() and time.monotonic() < end:
             self.executor.spin_once(0.05)
-        end = time.monotonic() + 0.5
+        end = time.monotonic() + longer
         while time.monotonic() < end:
             self.executor.spin_once(0.05)
 
@@ -250,10 +273,7 @@ class World:
             self.finish(handle)
         self.introspect()
         say("-- expired")
-        end = time.monotonic() + 2
-        while time.monotonic() < end:
-            self.executor.spin_once(0.1)
-        self.finish(second)
+        self.expire()
         say([STATUS[handle.status] for handle in self.handles])
         self.server.destroy()
         self.client.destroy()

@@ -35,6 +35,13 @@ def add(request, response):
     return request["b"] >= 0
 
 
+def until(condition):
+    """Wait until a condition holds; what is printed shows if it never does."""
+    end = time.monotonic() + 30
+    while not condition() and time.monotonic() < end:
+        time.sleep(0.05)
+
+
 def plain(result):
     return dict(result) if hasattr(result, "data") else result
 
@@ -61,11 +68,11 @@ found["parameter"] = ros.get_param("/talker:speed")
 
 server = roslibpy.Service(other, "/add_in_python", ADD)
 server.advertise(add)
-time.sleep(0.5)
+until(lambda: "/add_in_python" in ros.get_services())
 found["sum"] = call(ros, "/add_in_python", ADD, a=2, b=3)
 found["failed"] = call(ros, "/add_in_python", ADD, a=2, b=-3)
 server.unadvertise()
-time.sleep(0.5)
+until(lambda: "/add_in_python" not in ros.get_services())
 found["gone"] = call(ros, "/add_in_python", ADD, a=2, b=3)
 
 goal = roslibpy.Goal({"task_type": "move", "target": "warehouse", "priority": 9})
@@ -96,12 +103,13 @@ found["noAction"] = send(nothing, goal)
 got = []
 listener = roslibpy.Topic(ros, "/chatter", "std_msgs/String", queue_length=10)
 listener.subscribe(lambda message: got.append(message["data"]))
+ros.get_topics()  # its response shows that the gateway has handled the message before it
 talker = roslibpy.Topic(other, "/chatter", "std_msgs/String")
 for text in ("one", "two", "Zürich ☃"):
     talker.publish(roslibpy.Message({"data": text}))
-time.sleep(1.5)
+until(lambda: len(got) >= 3)
 listener.unsubscribe()
-time.sleep(0.3)
+ros.get_topics()  # its response shows that the gateway has handled the message before it
 talker.publish(roslibpy.Message({"data": "late"}))
 time.sleep(0.3)
 found["chatter"] = got

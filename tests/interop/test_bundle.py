@@ -52,7 +52,7 @@ def run(*command: object, cwd: Path, home: Path) -> str:
         "HOME": str(home),
         "PIP_CONFIG_FILE": os.devnull,
         "PIP_NO_INDEX": "1",
-        "PIP_NO_COMPILE": "1",
+        "PIP_COMPILE": "no",
     }
     done = subprocess.run(
         [*map(str, command)],

@@ -21,7 +21,7 @@ def test_the_package_of_the_page_adds_its_transport_and_its_command(tmp_path):
     home = tmp_path / "environment"
     subprocess.run([sys.executable, "-m", "venv", home], check=True)
     python = home / "bin" / "python"
-    install = [python, "-m", "pip", "install", "--quiet", ROOT, package]
+    install = [python, "-m", "pip", "install", "--quiet", "--no-compile", ROOT, package]
     subprocess.run(install, cwd=tmp_path, check=True)
     (tmp_path / "programs.py").write_bytes((package / "programs.py").read_bytes())
     called = [[home / "bin" / "taskrpc", "boxes", "3"], [python, "programs.py"]]

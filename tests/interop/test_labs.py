@@ -19,6 +19,7 @@ import pytest
 
 from taskrpc.course.labs.variants import Variant
 from tests.labs.submissions import solution_of, submission
+from tests.ros_domains import own_domains
 
 PATIENCE = 120.0
 """Seconds for one program; a real ROS program may hang."""
@@ -52,7 +53,7 @@ class Programs:
         self._python = python
         self._folder = folder
         self._environment = {name: it for name, it in os.environ.items() if "PYTEST" not in name}
-        self._environment["ROS_DOMAIN_ID"] = str(os.getpid() % 100)
+        self._environment["ROS_DOMAIN_ID"] = str(next(own_domains()))
         self._environment["PYTHONUNBUFFERED"] = "1"
 
     @contextlib.contextmanager

@@ -10,16 +10,18 @@ from pathlib import Path
 
 import pytest
 
+from tests.ros_domains import own_domains
+
 PROGRAM = Path(__file__).parent / "ros_actions_program.py"
 LIMIT = 120.0
 """Seconds for one program; a real ROS program may hang."""
 _STAMP = re.compile(r"\[\d{9,}\.\d{9}\]")
 
 
-def output(command, program, domain, *arguments):
+def output(command, program, *arguments):
     """Run the program: what it printed, and the lines of its log."""
     environment = {name: value for name, value in os.environ.items() if "PYTEST" not in name}
-    environment["ROS_DOMAIN_ID"] = str(domain)
+    environment["ROS_DOMAIN_ID"] = str(next(own_domains()))
     ended = subprocess.run(
         [*command, str(program), *arguments],
         env=environment,
@@ -40,9 +42,8 @@ def sections(lines):
 
 @pytest.mark.parametrize("kind", ["single", "multi"])
 def test_a_program_with_actions_prints_the_same(ros_python, kind):
-    domain = 2 * (os.getpid() % 50)
-    there, log_there = output([ros_python], PROGRAM, domain, kind)
-    here, log_here = output([sys.executable, "-m", "taskrpc", "run"], PROGRAM, domain + 1, kind)
+    there, log_there = output([ros_python], PROGRAM, kind)
+    here, log_here = output([sys.executable, "-m", "taskrpc", "run"], PROGRAM, kind)
     assert len(there) > 80
     if kind == "single":
         assert here == there

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -12,6 +14,7 @@ import pytest
 
 import srvgen
 import taskrpc
+from taskrpc.core.system.file_locks import locked
 
 pytest.importorskip("zenoh_ros2_sdk")
 pytest.importorskip("pyzeros")
@@ -39,8 +42,26 @@ async def node(zenoh_router):
 
 @pytest.fixture(scope="session")
 def folder(tmp_path_factory):
-    """The working folder of the programs; pyzeros keeps compiled code there."""
-    return tmp_path_factory.mktemp("zenoh")
+    """The working folder of the programs, with the compiled code of pyzeros.
+
+    The compiler needs half a minute, and several on a busy machine. So it runs once for all
+    processes of pytest, and before the time limit of a test begins.
+    """
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "zenoh"
+    folder.mkdir(exist_ok=True)
+    program = Path(__file__).parent / PROGRAMS["pyzeros"]
+    with locked(folder / "compiling.lock"):
+        ended = subprocess.run(
+            [sys.executable, str(program), "compile"],
+            cwd=folder,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            timeout=900,
+        )
+    assert ended.returncode == 0, ended.stdout
+    return folder
 
 
 @pytest.fixture

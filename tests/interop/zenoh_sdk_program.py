@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
 import time
 
 import zenoh_ros2_sdk as sdk
@@ -27,7 +28,7 @@ def serve(port, name):
     )
     response_type.append(server.response_msg_class)
     say("ready")
-    time.sleep(60)
+    threading.Event().wait()  # the test kills this program
 
 
 def call(port, name):
@@ -58,7 +59,7 @@ def listen(port, name):
         router_port=port,
     )
     say("ready")
-    time.sleep(60)
+    threading.Event().wait()  # the test kills this program
 
 
 def discover(port, name):

@@ -128,7 +128,7 @@ def test_a_line_past_a_corner_is_blocked_as_soon_as_it_cuts_it(box, which, slope
     assert box.blocks(start, end) == (depth > 0)
 
 
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 @given(obstacles, points, points)
 def test_no_way_over_a_dense_grid_is_shorter(boxes, start, goal):
     world = world_of(boxes)

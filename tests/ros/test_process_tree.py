@@ -15,7 +15,7 @@ pytestmark = pytest.mark.real_time
 
 PARENT = """
 import signal, subprocess, sys, time
-child = "import signal, time; signal.signal(2, signal.SIG_IGN); print(0, flush=True)"
+child = "import os, signal, time; signal.signal(2, signal.SIG_IGN); os.write(1, b'0')"
 child += "; time.sleep(600)"
 subprocess.Popen([sys.executable, "-c", child])
 time.sleep(600)
@@ -54,7 +54,7 @@ def test_programs_start_and_end_on_uvloop():
 
 
 async def test_end_is_seen_while_a_descendant_keeps_the_output_open():
-    child = "import os, time; print(os.getpid(), flush=True); time.sleep(600)"
+    child = "import os, time; os.write(1, b'%d' % os.getpid()); time.sleep(600)"
     code = f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', {child!r}]); input()"
     said = []
     tree = await ProcessTree.start(
@@ -111,14 +111,16 @@ async def main():
 asyncio.run(main())
 """
 WAITS = """
-import signal, sys, time
+import os, signal, sys, time
 def end(number, frame):
     open({path!r}, "w").close()
     sys.exit()
 # SIGTERM follows after two seconds, in which a busy machine may not let this program run.
 for number in (signal.SIGINT, signal.SIGTERM):
     signal.signal(number, end)
-print("running", flush=True)
+# One write: with PYTHONUNBUFFERED, `print` writes the newline separately. By then the reader of the
+# pipe may have been killed, and BrokenPipeError would end this program before a signal does.
+os.write(1, b"running")
 time.sleep(600)
 """
 

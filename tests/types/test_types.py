@@ -222,14 +222,17 @@ def test_the_programs_of_the_readme_are_checked_as_they_stand(readme, checker):
 def pages(tmp_path_factory) -> Mapping[str, Messages]:
     """What pyright says of the programs of all pages, by the name of the file."""
     folder = tmp_path_factory.mktemp("pages")
+    bundled_ones, _ = packages_with_dependencies([], Search([BUNDLED]))
+    put_all(stubs(bundled_ones), folder / "typings")
     roots = []
     for path in sorted((ROOT / "docs").rglob("*.md")):
         root = folder / path.relative_to(ROOT / "docs").with_suffix("")
         if _write_programs(read_page(path), root):
-            definitions, _ = packages_with_dependencies([], Search([root, BUNDLED]))
-            put_all(stubs(definitions), root / "typings")
+            if own := sorted({each.parents[1].name for each in root.glob("*/*/*.*")}):
+                definitions, _ = packages_with_dependencies(own, Search([root, BUNDLED]))
+                put_all(stubs(definitions), root / "typings")
             here = root.relative_to(folder).as_posix()
-            roots.append({"root": here, "extraPaths": [here, f"{here}/typings"]})
+            roots.append({"root": here, "extraPaths": [here, f"{here}/typings", "typings"]})
     settings = {"executionEnvironments": roots, "exclude": ["**/typings"]}
     (folder / "pyrightconfig.json").write_text(json.dumps(settings), encoding="utf-8")
     assert len(roots) > 10

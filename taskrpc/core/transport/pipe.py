@@ -60,8 +60,9 @@ class ReadingEnd(asyncio.Transport):
 
     def _receive(self, data: bytes) -> None:
         if not self._lost:
-            self._inbox.append(memoryview(data))
-            self._inbox_size += len(data)
+            view = memoryview(data)
+            self._inbox.append(view)
+            self._inbox_size += view.nbytes
             if not self._delivery_planned:
                 self._delivery_planned = True
                 self._loop.call_soon(self._deliver, context=self._context)
@@ -87,9 +88,9 @@ class ReadingEnd(asyncio.Transport):
         inbox, protocol = self._inbox, self._protocol
         while inbox and self._reading and not self._lost and not self._closing:
             room, data = memoryview(protocol.get_buffer(-1)), inbox.popleft()
-            count = len(data)
-            if count > len(room):
-                count = len(room)
+            count = data.nbytes
+            if count > room.nbytes:
+                count = room.nbytes
                 inbox.appendleft(data[count:])
                 data = data[:count]
             room[:count] = data

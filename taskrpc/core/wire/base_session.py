@@ -131,7 +131,8 @@ class BaseSession:
         if len(self._head) < len(MAGIC):
             return b""
         self._magic_seen = True
-        return self._head[len(MAGIC) :]
+        rest, self._head = self._head[len(MAGIC) :], b""  # an idle connection keeps no bytes
+        return rest
 
     def feed_handshake(
         self, handshake: ClientHandshake | ServerHandshake, data: bytes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as datetimes
 import os
 import random
+import select
 import time
 from collections.abc import Callable
 from typing import Any, Final, Protocol
@@ -15,7 +16,8 @@ from taskrpc.simulation.interpreter.stacks import Stacks
 POLLS: Final = 1000
 """How often a stack may read the clock in one step; after that, each reading lets others run."""
 
-_POLL = 0.001  # seconds that such a reading takes
+READS_A_CLOCK: Final = "_read"
+"""The name of the function in which such a stack lets others run."""
 
 
 class Source(Protocol):
@@ -71,6 +73,15 @@ class Clocks:
                 return real(time.time() if moment is None else moment)
 
             setattr(time, name, at)
+        real_select = select.select
+
+        def wait_for_files(read: Any, write: Any, other: Any, timeout: float | None = None) -> Any:
+            if stacks.current is None:
+                return real_select(read, write, other, timeout)
+            stacks.wait(lambda _: None, timeout)  # nobody types, and there are no sockets
+            return [], [], []
+
+        vars(select)["select"] = wait_for_files
         strftime = time.strftime
         time.strftime = lambda text, *when: strftime(text, *(when or (time.localtime(),)))
 
@@ -81,7 +92,7 @@ class Clocks:
             self._step, self._polls = stacks.steps, 0
         self._polls += 1
         if self._polls > POLLS:  # a loop that waits for a time
-            stacks.sleep(_POLL)
+            stacks.sleep(0)
             self._step = stacks.steps  # so the next reading sleeps, too
         if wall:
             return FIRST_DAY + stacks.now + self._source().ahead()

@@ -8,6 +8,7 @@ syncs by itself: its commits survive.
 from __future__ import annotations
 
 import builtins
+import contextlib
 import io
 import os
 import random
@@ -15,11 +16,12 @@ import shutil
 import sqlite3
 import sys
 import tempfile
-import weakref
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, Protocol
 
+_HARMLESS: Final = (os.devnull, "/proc/self/fd/", "/dev/fd/")
+"""Paths that lead to no other file."""
 _WRITES: Final = frozenset("wax+")
 """Letters of a mode with which `open` may change a file."""
 _ONE_PATH: Final = (
@@ -81,7 +83,11 @@ class Disk:
         self._unsynced: dict[str, _Unsynced] = {}
         self._numbers: dict[int, str] = {}
         """The path of each open file by its number."""
-        self._databases: dict[str, list[weakref.ref[sqlite3.Connection]]] = {}
+        self._synced_by_sqlite: set[str] = set()
+        """The paths of databases."""
+        self._owners: dict[int, str] = {}
+        """The program that has opened each of these files."""
+        self._databases: dict[str, list[sqlite3.Connection]] = {}
 
     def path(self, path: Any, owner: Owner, *, writes: bool) -> Any:
         """Return where a path leads."""
@@ -90,7 +96,7 @@ class Disk:
         text = os.path.abspath(os.fsdecode(path))
         inside = text == self._folder or text.startswith(self._folder + os.sep)
         if not inside:
-            if writes and not text.startswith((os.devnull, self._copy or os.devnull)):
+            if writes and not text.startswith((*_HARMLESS, self._copy or os.devnull)):
                 raise self._cannot(f"the file {text}, outside of the scenario's folder")
             return path
         if writes and not self._copy:
@@ -100,7 +106,9 @@ class Disk:
     def opened(self, path: str, owner: Owner, before: bytes | None, number: int) -> None:
         """Note that a file was opened for writing."""
         self._numbers[number] = path
-        self._unsynced.setdefault(path, _Unsynced(owner.id, before))
+        self._owners[number] = owner.id
+        if not path.startswith(tuple(self._synced_by_sqlite)):  # also PATH-wal
+            self._unsynced.setdefault(path, _Unsynced(owner.id, before))
 
     def synced(self, number: int) -> None:
         """Note that a file was synced."""
@@ -112,22 +120,29 @@ class Disk:
         if (known := self._unsynced.pop(source, None)) is not None:
             self._unsynced[target] = known
 
-    def connected(self, owner: Owner, connection: sqlite3.Connection) -> None:
-        """Note a connection with a database."""
-        self._databases.setdefault(owner.id, []).append(weakref.ref(connection))
+    def connected(self, path: str, owner: Owner, connection: sqlite3.Connection) -> None:
+        """Note a connection with a database; SQLite syncs its files from now on."""
+        self._synced_by_sqlite.add(path)
+        self._unsynced.pop(path, None)
+        self._databases.setdefault(owner.id, []).append(connection)
 
     def crash(self, owner: str, chance: random.Random) -> None:
         """Lose, tear or keep what a killed program has not synced."""
-        for reference in self._databases.pop(owner, []):
-            if (connection := reference()) is not None:
-                connection.close()  # rolls back
+        for connection in self._databases.pop(owner, []):
+            connection.close()  # rolls back
+        for number, name in self._owners.items():
+            if name == owner:
+                _unlock(number)
         for path, known in list(self._unsynced.items()):
             if known.owner == owner:
                 del self._unsynced[path]
                 _lose(path, known.before, chance)
 
     def close(self) -> None:
-        """Delete the copy."""
+        """Close the databases and delete the copy."""
+        for connections in self._databases.values():
+            for connection in connections:
+                connection.close()
         if self._copy:
             shutil.rmtree(os.path.dirname(self._copy), ignore_errors=True)
 
@@ -139,6 +154,17 @@ class Disk:
         shutil.copytree(self._folder, copy, ignore=skip, symlinks=True)
         self._copy = copy
         self.is_copying = False
+
+
+def _unlock(number: int) -> None:
+    """Free the locks of an open file, as the end of a process does."""
+    if sys.platform != "win32":
+        import fcntl
+
+        with contextlib.suppress(OSError):
+            fcntl.flock(number, fcntl.LOCK_UN)
+        with contextlib.suppress(OSError):
+            fcntl.lockf(number, fcntl.LOCK_UN)
 
 
 def _fast_folder() -> str | None:
@@ -211,18 +237,19 @@ def install(present: Callable[[], tuple[Disk, Owner] | None]) -> None:
 
     connect = sqlite3.connect
 
-    def connect_database(database: Any, *more: Any, **named: Any) -> sqlite3.Connection:
+    def connect_database(database: Any, *more: Any, **named: Any) -> Any:
         found = _of_program(present)
         if found is None or str(database).startswith((":memory:", "file:")):
             return connect(database, *more, **named)
         disk, owner = found
-        connection = connect(disk.path(database, owner, writes=True), *more, **named)
-        disk.connected(owner, connection)
+        path = disk.path(database, owner, writes=True)
+        connection = connect(path, *more, **named)
+        disk.connected(str(path), owner, connection)
         return connection
 
-    builtins.open = io.open = open_file  # type: ignore[assignment]
-    os.open, os.fsync = os_open, fsync
-    sqlite3.connect = connect_database  # type: ignore[assignment]
+    vars(builtins)["open"] = vars(io)["open"] = open_file
+    vars(os).update(open=os_open, fsync=fsync)
+    vars(sqlite3)["connect"] = connect_database
     for name, writes in _ONE_PATH:
         setattr(os, name, _with_one_path(_real[name], writes, present))
     for name in _TWO_PATHS:

@@ -201,3 +201,18 @@ def _replace_process_functions(interpreter: Interpreter) -> None:
 
     os.getpid, atexit.register, atexit.unregister = getpid, register_function, unregister_function
     vars(signal).update(signal=signal_handler, getsignal=getsignal)
+    if hasattr(signal, "pause"):
+        vars(signal)["pause"] = lambda: interpreter.stacks.wait(lambda _: None, None)
+    for name in "raise_signal", "alarm", "setitimer":
+        if hasattr(signal, name):
+            vars(signal)[name] = _refuse_signals(interpreter, getattr(signal, name))
+
+
+def _refuse_signals(interpreter: Interpreter, real: Callable[..., Any]) -> Callable[..., Any]:
+    def refused(*given: Any) -> Any:
+        process = interpreter.process()
+        if process is not None:
+            raise interpreter.cannot("a signal")
+        return real(*given)
+
+    return refused

@@ -40,6 +40,7 @@ class SimulatedLoop(asyncio.BaseEventLoop):
         """The wait of the stack for something to do."""
         self._is_woken = False
         self._tasks = 0
+        self._signals: set[int] = set()
 
     def create_task(self, coro: Any, *, name: object = None, **more: Any) -> asyncio.Task[Any]:
         """Start a task; its default name counts the tasks of this loop."""
@@ -61,6 +62,8 @@ class SimulatedLoop(asyncio.BaseEventLoop):
         context: contextvars.Context | None = None,
     ) -> asyncio.Handle:
         """Call a function in the next turn; other programs may use it, too."""
+        if self.is_closed() and self._is_left():
+            return asyncio.Handle(callback, args, self, context)
         handle = super().call_soon(callback, *args, context=context)
         if self._stacks.current is not self._stack:
             self._write_to_self()
@@ -74,15 +77,34 @@ class SimulatedLoop(asyncio.BaseEventLoop):
         context: contextvars.Context | None = None,
     ) -> asyncio.TimerHandle:
         """Call a function at a time; other programs may use it, too."""
+        if self.is_closed() and self._is_left():
+            return asyncio.TimerHandle(when, callback, args, self, context)
         timer = super().call_at(when, callback, *args, context=context)
         if self._stacks.current is not self._stack:
             self._write_to_self()
         return timer
 
+    def _is_left(self) -> bool:
+        """Whether another program calls: what it sends to one that has closed its loop is lost."""
+        caller, owner = self._stacks.current, self._stack
+        return owner is not None and (caller is None or caller.program != owner.program)
+
     def call_exception_handler(self, context: dict[str, Any]) -> None:
         """Report an exception that nobody handles, while a program runs."""
         if self._stacks.current is not None and not self._stacks.current.is_dead:
             super().call_exception_handler(context)
+
+    def add_signal_handler(
+        self, sig: int, callback: Callable[[Unpack[_Arguments]], object], *args: *_Arguments
+    ) -> None:
+        """Do nothing but remember it: no signal ever arrives."""
+        self._signals.add(sig)
+
+    def remove_signal_handler(self, sig: int) -> bool:
+        """Return whether there was one."""
+        found = sig in self._signals
+        self._signals.discard(sig)
+        return found
 
     def run_forever(self) -> None:
         """Run until `stop`."""

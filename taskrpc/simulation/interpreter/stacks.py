@@ -9,10 +9,11 @@ from __future__ import annotations
 import asyncio
 import heapq
 import math
+import sys
 from collections.abc import Callable
 from contextvars import copy_context
 from enum import Enum
-from typing import Final
+from typing import Any, Final
 
 from greenlet import GreenletExit, getcurrent, greenlet
 
@@ -22,7 +23,19 @@ from taskrpc.spi import current_program
 STEP: Final = 1e-6
 """Seconds of virtual time that a stack runs until it waits."""
 
+_RESTLESS = 10_000
+"""Steps without a moment in which all stacks wait; after them, a program polls something."""
+
+_POLL = 0.001
+"""Seconds of virtual time for a step from then on, so that what it polls can happen."""
+
 _FIRST_IDENT = 1000
+
+_MOST_CATCHES = 50
+"""How often a killed stack may catch the exception and wait again."""
+
+_immortal: list[Stack] = []
+"""Stacks that catch every exception in an endless loop; freeing them would run them for ever."""
 
 Killed = GreenletExit
 """What ends the Python code of a killed stack."""
@@ -39,10 +52,14 @@ class Stack:
         self.waiter: StackWaiter | None = None
         """The wait that it is in; None while it is ready or runs."""
         self.is_dead = False
+        self.polls_since: float | None = None
+        """Since when it has only let others run, and has not waited."""
         self.greenlet: greenlet
         self.running_loop: asyncio.AbstractEventLoop | None = None
         self.own_loop: asyncio.AbstractEventLoop | None = None
         """What `asyncio.set_event_loop` has set."""
+        self.hooks: tuple[Any, Any] = (None, None)
+        """Those of its loop for asynchronous generators, while another stack runs."""
 
 
 class StackWaiter:
@@ -105,21 +122,27 @@ class Stacks:
         self._timers: list[tuple[float, int, StackWaiter]] = []
         self._numbers = 0
         self._last_ident = _FIRST_IDENT
-        self._is_over = False
+        self._last: Stack | None = None
+        """The stack that ran last; Python has its hooks."""
 
     def reset(self) -> None:
         """Begin a new run: end all stacks, and set the clock to zero.
 
         Python code of the stacks still runs here: `finally`, `except` and the ends of `with`. Each
-        wait in it ends at once with `GreenletExit`.
+        wait in it ends with `GreenletExit`.
         """
-        self._is_over = True
-        for stack in list(self.all.values()):
-            self.kill(stack)
-            for _ in range(50):  # a stack may catch the exception and wait again
-                if stack.greenlet.dead:
-                    break
-                self._switch(stack, GreenletExit)
+        while self.all:  # what they run may start more
+            for stack in list(self.all.values()):
+                self.kill(stack)
+                for _ in range(_MOST_CATCHES):
+                    if stack.greenlet.dead:
+                        break
+                    self._switch(stack, GreenletExit)
+                else:
+                    _immortal.append(stack)
+                self.all.pop(stack.ident, None)
+        if self._last is not None:
+            sys.set_asyncgen_hooks(None, None)
         self.__init__()  # type: ignore[misc]
 
     # The scheduler of the threads
@@ -158,8 +181,13 @@ class Stacks:
         me = self.current
         if me is None:
             raise RuntimeError("the code around the programs wants to wait")
-        if self._is_over or me.is_dead:
+        if me.is_dead:
+            self._hub.switch()  # back to `reset`: a program may catch the exception in a loop
             raise GreenletExit
+        if timeout != 0:
+            me.polls_since = None
+        elif me.polls_since is None:
+            me.polls_since = self.now
         waiter = StackWaiter(self, me)
         begin(waiter)
         if timeout == 0:
@@ -207,7 +235,7 @@ class Stacks:
 
         `watch` is called after each step with the stack that ran; it returns True to stop.
         """
-        ready, timers = self._ready, self._timers
+        ready, timers, restless = self._ready, self._timers, self.steps + _RESTLESS
         while True:
             while timers and (timers[0][0] <= self.now or timers[0][2].is_over):
                 heapq.heappop(timers)[2].wake(granted=False)
@@ -218,12 +246,13 @@ class Stacks:
                     self.now = until
                     return Stop.TIME
                 self.now = timers[0][0]
+                restless = self.steps + _RESTLESS
                 continue
             stack = ready.pop(choose(ready) if len(ready) > 1 else 0)
             self._switch(stack)
             self.steps += 1
             # The clock must move even where adding a step would not change it.
-            step = self.slowness.get(stack.program, STEP)
+            step = self.slowness.get(stack.program, STEP) if self.steps < restless else _POLL
             self.now = max(self.now + step, math.nextafter(self.now, math.inf))
             if watch(stack):
                 return Stop.ASKED
@@ -233,6 +262,8 @@ class Stacks:
     def _switch(self, stack: Stack, *error: type[BaseException]) -> None:
         self.current = stack
         self.enter(stack)
+        if stack is not self._last:
+            self._exchange_hooks(stack)
         asyncio._set_running_loop(stack.running_loop)
         try:
             if error:
@@ -243,6 +274,14 @@ class Stacks:
             stack.running_loop = asyncio._get_running_loop()
             asyncio._set_running_loop(None)
             self.current = None
+
+    def _exchange_hooks(self, stack: Stack) -> None:
+        hooks = sys.get_asyncgen_hooks()
+        if self._last is not None:
+            self._last.hooks = hooks
+        if hooks != stack.hooks:
+            sys.set_asyncgen_hooks(*stack.hooks)
+        self._last = stack
 
 
 def _ignore(_: Waiter) -> None:

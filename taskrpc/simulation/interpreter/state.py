@@ -8,6 +8,7 @@ such as rclpy's default context, is exchanged when another program continues.
 from __future__ import annotations
 
 import collections
+import functools
 import itertools
 import logging
 import os
@@ -28,6 +29,7 @@ _CONTAINERS = (
     weakref.WeakSet,
 )
 _PLAIN = (bool, int, float, type(None))
+_CACHED = type(functools.cache(lambda: None))
 _SHARED = ("taskrpc.simulation", "taskrpc.core.transport.codec", "taskrpc.spi")
 """Modules that have no state of a program."""
 _OF_CLASSES = {
@@ -58,9 +60,7 @@ class ModuleState:
                     self._copy_of[place] = known[id(value)]
             self._owners.append(owner)
             self._names.append(names)
-            self._first.append(
-                [value if isinstance(value, _PLAIN) else value.copy() for value in values]
-            )
+            self._first.append([_copy(value) for value in values])
 
     @property
     def names(self) -> list[str]:
@@ -75,10 +75,7 @@ class ModuleState:
 
     def new(self) -> list[list[Any]]:
         """Return the values for a new program."""
-        found = [
-            [value if isinstance(value, _PLAIN) else value.copy() for value in values]
-            for values in self._first
-        ]
+        found = [[_copy(value) for value in values] for values in self._first]
         for (owner, index), (first, at) in self._copy_of.items():
             found[owner][index] = found[first][at]
         return found
@@ -136,4 +133,17 @@ def _is_state(name: str, value: object) -> bool:
     """Whether a variable is one that programs change: its name has no capitals."""
     if name.startswith("__") or name != name.lower():
         return False
-    return type(value) in _CONTAINERS or type(value) in _PLAIN
+    return type(value) in _CONTAINERS or type(value) in _PLAIN or _runs_once(value)
+
+
+def _runs_once(value: object) -> bool:
+    """Whether a value is a function that runs once in each process: cached, without arguments."""
+    code = getattr(value.__wrapped__, "__code__", None) if type(value) is _CACHED else None
+    return code is not None and code.co_argcount == 0
+
+
+def _copy(value: Any) -> Any:
+    """Return what another program gets in the place of a value."""
+    if isinstance(value, _PLAIN):
+        return value
+    return functools.cache(value.__wrapped__) if type(value) is _CACHED else value.copy()

@@ -6,6 +6,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Final
 
+from taskrpc.simulation.interpreter.clocks import READS_A_CLOCK
 from taskrpc.simulation.interpreter.programs import Process
 from taskrpc.simulation.interpreter.stacks import Stack, Stacks
 from taskrpc.simulation.interpreter.threads import Lock
@@ -105,13 +106,26 @@ def stuck(stacks: Stacks, process: Process) -> str:
     return ""
 
 
+def polls(stacks: Stacks, process: Process, silent_since: float) -> str:
+    """Return where a program asks for something again and again, "" if it does not."""
+    for stack in stacks.of(process.id):
+        since = max(stack.polls_since or 0.0, silent_since)
+        if stack.polls_since is not None and stacks.now - since > SILENCE:
+            each = Waiting(process, stack)
+            if READS_A_CLOCK in each.inner:
+                words = f"{process.name} asks again and again at {each.line}, since {since:.2f} s"
+                return f"{words}, and nothing in this thread changes what it asks for"
+    return ""
+
+
 def waits_of(stacks: Stacks, process: Process, calls: list[CallRecord]) -> list[str]:
     """Return what a program that has not ended waits for, one line for each of its own lines."""
     found = []
     for call in calls:
         if call.ok is None and call.process == process.id and not call.is_hidden:
-            where = call.where or process.name
-            found.append(f"{process.name} waits at {where} for the response of {call.service}")
+            where = f" at {call.where}" if call.where else ""
+            what = f"the response of {call.service}, which it called{where}"
+            found.append(f"{process.name} waits for {what}")
     for each in (Waiting(process, stack) for stack in stacks.of(process.id)):
         if each.line and not any(each.line in line for line in found):
             what = (

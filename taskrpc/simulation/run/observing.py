@@ -49,6 +49,9 @@ class Noting(Protocol):
     def where(self, process: Process) -> str:
         """Return the line of the program that is being run."""
 
+    def line_of_call(self, process: Process, service: str) -> str:
+        """Return the line of the program that makes a call which begins now."""
+
     def note(self, kind: Kind, text: str, program: str = "", where: str = "") -> None:
         """Add an event."""
 
@@ -88,6 +91,14 @@ class RunObserver(Observer):
         if self._run.contents is not None:
             self._run.contents.keep("RESPONSE_SENT", call, response)
 
+    def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
+        """A call has ended; one that its caller no longer waits for is cancelled."""
+        if code not in (Code.CANCELLED, Code.DEADLINE_EXCEEDED) or is_hidden(call.service):
+            return
+        if (process := self._run.present()) is not None:
+            self._run.note("cancel", call.service, process.name)
+            self._run.seen(process)
+
 
 class _Outgoing:
     """One call of a program."""
@@ -97,7 +108,8 @@ class _Outgoing:
         self._process = run.present()
         name, process, where, hidden = "", "", "", is_hidden(service)
         if self._process is not None:
-            name, process, where = self._process.name, self._process.id, run.where(self._process)
+            name, process = self._process.name, self._process.id
+            where = run.line_of_call(self._process, service)
             if not hidden:
                 run.note("call", service, name, where)
                 run.seen(self._process)
@@ -125,6 +137,20 @@ def watch_publishers(present: Callable[[], Any]) -> None:
         publish(publisher, message)
 
     Publisher.publish = noted  # type: ignore[assignment, method-assign]
+
+
+def watch_callers(present: Callable[[], Any]) -> None:
+    """Note which lines of rclpy programs make calls: the loop's thread sends them later."""
+    from rclpy.client import Client
+
+    call_async = Client.call_async
+
+    def noted(client: Client[Any, Any], request: Any) -> Any:
+        if (run := present()) is not None:
+            run.asks(client.service_name)
+        return call_async(client, request)
+
+    Client.call_async = noted  # type: ignore[assignment, method-assign]
 
 
 class RunFaults(CallFaults):
@@ -164,4 +190,5 @@ class _Plan:
 
 def is_hidden(service: str) -> bool:
     """Whether a service is one that taskrpc or rclpy makes by itself."""
-    return service.startswith(_HIDDEN) or service.endswith(_OF_PARAMETERS)
+    inner = "/_action/" in service
+    return inner or service.startswith(_HIDDEN) or service.endswith(_OF_PARAMETERS)

@@ -14,7 +14,7 @@ from taskrpc.ros import hook
 from taskrpc.simulation.interpreter.imports import import_for
 from taskrpc.simulation.interpreter.interpreter import Interpreter
 from taskrpc.simulation.interpreter.state import ModuleState
-from taskrpc.simulation.run.observing import watch_publishers
+from taskrpc.simulation.run.observing import watch_callers, watch_publishers
 from taskrpc.spi import TRANSPORTS, Registration
 
 _IMPORTED: Final = (
@@ -48,6 +48,8 @@ def use_product(interpreter: Interpreter, folder: Path, files: Sequence[Path]) -
     if not _is_watched:
         _is_watched = True
         watch_publishers(lambda: interpreter.run)
+        if "rclpy" in sys.modules:
+            watch_callers(lambda: interpreter.run)
     interpreter.state = ModuleState()
 
 

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import math
+import re
 import sys
+from collections import deque
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import FrameType
@@ -40,7 +42,7 @@ from taskrpc.simulation.run.observing import (
     is_hidden,
 )
 from taskrpc.simulation.run.trace import Event, Kind, Trace
-from taskrpc.simulation.run.world import CallRecord, World
+from taskrpc.simulation.run.world import CallRecord, SimulatedWorld
 from taskrpc.simulation.scenario import ProgramEntry, Scenario
 from taskrpc.spi import Fault, FaultKind, Hub, current_program
 
@@ -51,6 +53,8 @@ MAX_EVENTS: Final = 100_000
 """Events after which a run counts as one that never ends."""
 
 _KILLED = -9
+_STAMP = re.compile(r"(\[[A-Z]+\] )\[\d+\.\d+\] ")
+"""The time in a line of rclpy's log."""
 _OVERTAKEN = 1.0
 """The most seconds for which a request is held back, so that others overtake it."""
 _SLOWEST = 0.02
@@ -123,7 +127,7 @@ class Run:
         self.contents = Contents(lambda: self.now) if tells else None
         self.faults_happened: list[str] = []
         self.failure: Failure | None = None
-        self.disk = Disk(World.folder, interpreter.cannot)
+        self.disk = Disk(SimulatedWorld.folder, interpreter.cannot)
         self._interpreter = interpreter
         self._stacks = interpreter.stacks
         self._scenario = scenario
@@ -131,7 +135,7 @@ class Run:
         self._choices = choices
         self._tells = tells
         self._network = RunNetwork(choices, scenario.fault_settings.delay)
-        self._world = World(self)
+        self._world = SimulatedWorld(self)
         self._visible = 0
         """Events that the checks have seen."""
         self._printed = 0
@@ -139,6 +143,8 @@ class Run:
         self._crashes: dict[str, int] = {}
         self._doomed: list[Process] = []
         """Programs to kill after the present step."""
+        self._lines_of_calls: dict[tuple[str, str], deque[str]] = {}
+        """The lines of calls that have not begun yet, by process and service."""
         self.messages: dict[str, list[Any]] = {}
         """The messages that were published, by topic."""
         self._partition = (math.inf, math.inf)
@@ -189,11 +195,24 @@ class Run:
                 return f"{Path(line[0]).name}:{line[1]}"
         return ""
 
+    def asks(self, service: str) -> None:
+        """A program makes a call, which its event loop begins later."""
+        process = self.present()
+        if self._tells and process is not None:
+            lines = self._lines_of_calls.setdefault((process.id, service), deque())
+            lines.append(self.where(process))
+
+    def line_of_call(self, process: Process, service: str) -> str:
+        """Return the line of the program that makes a call which begins now."""
+        lines = self._lines_of_calls.get((process.id, service))
+        return lines.popleft() if lines else self.where(process)
+
     def printed(self, process: Process, line: str) -> None:
         """A program has written a line."""
         self._printed += len(line)
         process.lines.append(line)
-        self._happened("print", line, process)
+        # The event has its time already, and is the same event at another time.
+        self._happened("print", _STAMP.sub(r"\1", line) if line.startswith("[") else line, process)
 
     def ended(self, process: Process) -> None:
         """A program has ended."""
@@ -316,7 +335,7 @@ class Run:
         """Return what the run has reached."""
         found = Coverage(runs=1, seconds=self._ended_at)
         for call in self.calls:
-            if not call.is_hidden:
+            if call.program and not call.is_hidden:
                 found.calls[call.service] = found.calls.get(call.service, 0) + 1
                 if not call.ok:
                     found.unanswered[call.service] = found.unanswered.get(call.service, 0) + 1
@@ -521,6 +540,9 @@ class Run:
                 continue
             if words := ends.stuck(self._stacks, process):
                 self.fail("a callback that never ends", words)
+            last = self.trace.events[process.last_event - 1].time if process.last_event else 0.0
+            if words := ends.polls(self._stacks, process, last):
+                self.fail(f"{process.name} never waits", words)
             self._look_for_calls(process)
 
     def _look_for_calls(self, process: Process) -> None:
@@ -531,5 +553,6 @@ class Run:
             if process.last_event <= call.began_at and self.now - call.began > ends.SILENCE:
                 since = f"since {call.began:.2f} s"
                 where = f" at {call.where}" if call.where else ""
-                words = f"{process.name} waits{where} for the response of {call.service} {since}"
+                what = f"the response of {call.service}, which it called{where}"
+                words = f"{process.name} waits {since} for {what}"
                 self.fail("a call that nobody answers", f"{words}, and does nothing else")

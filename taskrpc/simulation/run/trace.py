@@ -14,6 +14,7 @@ Kind = Literal[
     "answer",
     "error",
     "begin",
+    "cancel",
     "message",
     "fault",
     "crash",
@@ -21,8 +22,8 @@ Kind = Literal[
     "raise",
 ]
 """What happens: a program starts, prints a line, makes a call, gets the response or an error; its
-service begins to handle a request; it publishes a message; a fault; it is killed; it ends, or ends
-with an exception."""
+service begins to handle a request, or cancels that; it publishes a message; a fault; it is killed;
+it ends, or ends with an exception."""
 
 
 class Event(msgspec.Struct, frozen=True):

@@ -57,7 +57,7 @@ class Observed(Protocol):
         """Call a service."""
 
 
-class World:
+class SimulatedWorld:
     """The state of a run, for the functions of `always` and `finally_`."""
 
     folder = Path(".")

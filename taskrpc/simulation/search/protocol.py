@@ -53,6 +53,8 @@ class Searched(msgspec.Struct, tag=True):
     """The seed of the run that failed."""
     hash: str
     """The hash of the last run: runs with the same hash went the same way."""
+    cpu_seconds: float
+    """How long the processor worked."""
 
 
 class ServiceType(msgspec.Struct, frozen=True):
@@ -104,6 +106,8 @@ class Explained(msgspec.Struct, tag=True, omit_defaults=True):
     kind: str
     text: str
     faults: list[str]
+    groups: list[str]
+    """Which of `shrink.GROUPS` the failure needs."""
     in_order: bool
     """Whether it fails also when the threads run in order."""
     hash: str

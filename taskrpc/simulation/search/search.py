@@ -34,11 +34,14 @@ _MOST_IN_BATCH: Final = 200
 
 
 class WorkerProcess:
-    """One worker process."""
+    """One worker process.
 
-    def __init__(self) -> None:
-        # Python's own hash order is random; with a fixed one, sets of texts have the same order.
-        environment = {**os.environ, "PYTHONHASHSEED": "0"}
+    `hash_seed`: Python's own order of hashes is random; with a fixed one, sets of texts have the
+    same order in each process.
+    """
+
+    def __init__(self, hash_seed: str = "0") -> None:
+        environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
         for name in list(environment):
             if name.startswith(("TASKRPC_", "ROS_")):
                 del environment[name]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Final
 
@@ -23,13 +24,19 @@ def shrink(found: Result, play: Play) -> tuple[list[str], bool]:
     """
     names = [*found.faults, *GROUPS]
 
-    def fails(kept: Sequence[str], orderly: bool) -> bool:
+    @functools.cache  # a run may take seconds
+    def again_with(kept: tuple[str, ...], orderly: bool) -> bool:
         again = play(kept, orderly).failure
         return again is not None and found.failure is not None and again.kind == found.failure.kind
+
+    def fails(kept: Sequence[str], orderly: bool) -> bool:
+        return again_with(tuple(kept), orderly)
 
     if not fails(names, False):
         raise RuntimeError(f"seed {found.seed} fails at one time and not at another")
     orderly = fails(names, True)
+    if fails([], orderly):
+        return [], orderly
     kept = _fewest(names, lambda chosen: fails(chosen, orderly))
     return _each_matters(kept, lambda chosen: fails(chosen, orderly)), orderly
 

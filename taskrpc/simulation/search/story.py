@@ -17,6 +17,7 @@ _WORDS: Final = {
     "answer": "gets the response of {text}",
     "error": "call fails: {text}",
     "begin": "begins {text}",
+    "cancel": "cancels {text}, since the caller no longer waits",
     "message": "publishes on {text}",
     "fault": "FAULT: {text}",
     "crash": "FAULT: {text}",
@@ -28,6 +29,11 @@ _PAST: Final = {
     "duplicate": "arriving twice",
     "delay": "overtaken by others",
     "refuse": "refused",
+}
+_MOST_NAMES = 5
+_GROUP_WORDS: Final = {
+    "delays": "these delays of the network",
+    "order of starts": "this order of the starts",
 }
 _LONGEST = 40
 """Events that are shown at most; the others in the middle are left out."""
@@ -54,6 +60,7 @@ def story(found: Explained, lines: Mapping[str, Sequence[str]], *, everything: b
 
 def _needs(found: Explained) -> str:
     names = [fault_words(each) for each in found.faults]
+    names += [_GROUP_WORDS[each] for each in found.groups]
     if not found.in_order:
         names.append("an unlucky order of the threads")
     what = " and ".join(names) or "no fault at all"
@@ -130,7 +137,8 @@ def summary(coverage: Coverage, shapes: int, seconds: float) -> str:
         lines.append(f"Faults: {faults}.")
     never = sorted(coverage.offered.keys() - coverage.calls.keys())
     if never:
-        lines.append(f"Not reached: nobody called {', '.join(never)}.")
+        more = f" and {len(never) - _MOST_NAMES} more" if len(never) > _MOST_NAMES else ""
+        lines.append(f"Not reached: nobody called {', '.join(never[:_MOST_NAMES])}{more}.")
     return "\n".join(lines)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
@@ -15,6 +16,7 @@ import msgspec
 from taskrpc.errors import TaskRpcError
 from taskrpc.simulation.interpreter import interpreter as interpreters
 
+_cpu_seconds = time.process_time  # before it is replaced for the programs
 _COLLECT_EVERY: Final = 20  # runs
 
 
@@ -45,14 +47,15 @@ class Worker:
     def _load(self, file: Path) -> Any:
         from taskrpc.simulation.interpreter.programs import Source
         from taskrpc.simulation.run.product import use_product
-        from taskrpc.simulation.run.world import World
+        from taskrpc.simulation.run.world import SimulatedWorld
         from taskrpc.simulation.search import protocol
 
-        folder = file.resolve().parent
+        file = file.resolve()  # before the working folder changes
+        folder = file.parent
         os.chdir(folder)
         sys.path[0] = str(folder)
-        self._scenario = _read(file.resolve())
-        World.folder = folder
+        self._scenario = _read(file)
+        SimulatedWorld.folder = folder
         for entry in self._scenario.programs:
             source = Source((folder / entry.file).resolve(), entry.arguments)
             try:
@@ -73,6 +76,7 @@ class Worker:
         from taskrpc.simulation.search import protocol
 
         coverage, shapes, last = Coverage(), [], ""
+        begin = _cpu_seconds()
         for seed in seeds:
             run = self._new_run(seed)
             result = run.play()
@@ -82,12 +86,12 @@ class Worker:
             if result.failure is not None:
                 if result.failure.kind == CannotSimulate.__name__:
                     raise TaskRpcError(result.failure.text)
-                return protocol.Searched(coverage, shapes, seed, last)
-        return protocol.Searched(coverage, shapes, None, last)
+                return protocol.Searched(coverage, shapes, seed, last, _cpu_seconds() - begin)
+        return protocol.Searched(coverage, shapes, None, last, _cpu_seconds() - begin)
 
     def _explain(self, seed: int, *, records: bool) -> Any:
         from taskrpc.simulation.search import protocol
-        from taskrpc.simulation.search.shrink import shrink
+        from taskrpc.simulation.search.shrink import GROUPS, shrink
         from taskrpc.simulation.search.told_calls import contents_of
 
         first = self._new_run(seed).play()
@@ -102,6 +106,7 @@ class Worker:
             last.failure.kind,
             last.failure.text,
             [each for each in last.faults if each in kept],
+            [each for each in GROUPS if each in kept],
             in_order,
             first.hash,
             list(last.events),
@@ -163,6 +168,7 @@ def main() -> None:
     """Answer orders until stdin ends."""
     orders, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what anything else prints is no answer
+    os.dup2(os.open(os.devnull, os.O_RDONLY), 0)  # no program reads the orders
     worker = Worker()
     from taskrpc.simulation.search import protocol
 

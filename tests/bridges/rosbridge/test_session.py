@@ -11,6 +11,7 @@ import srvgen
 from taskrpc.bridges.rosbridge import session
 from taskrpc.testing import VirtualTimeLoop
 from tests.bridges.rosbridge.clients import connected
+from tests.properties import examples
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
 TRIGGER = srvgen.load("std_srvs/srv/Trigger")
@@ -334,7 +335,7 @@ async def test_number_of_ids_that_advertise_one_topic_is_limited():
 
 
 @given(st.lists(OPERATIONS, max_size=30))
-@settings(max_examples=25)
+@settings(max_examples=examples(25))
 def test_any_operations_leave_the_session_working(operations):
     async def run():
         async with connected() as (node, client):

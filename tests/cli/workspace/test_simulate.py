@@ -168,11 +168,21 @@ def test_json_has_no_contents_of_calls(tmp_path):
     assert (tmp_path / "run.mcap").exists()
 
 
+def explained(failed_at, contents, **facts):
+    """A failing run with these facts."""
+    return Explained(
+        **{"seed": 1, "kind": "check", "text": "", "faults": [], "groups": [], "in_order": True}
+        | {"hash": "", "events": [], "waits": [], "first_faults": 0}
+        | {"failed_at": failed_at, "contents": contents}
+        | facts
+    )
+
+
 def test_recorded_exception_is_told_by_its_last_line(tmp_path):
     text = 'Traceback (most recent call last):\n  File "a.py", line 1, in main\nKeyError: 7\n'
     events = [Event(0.0, "a", "start", "starts")]
     contents = Contents([], {}, [])
-    found = Explained(1, "exception in a", text, [], True, "", events, [], 0, 1.5, contents)
+    found = explained(1.5, contents, kind="exception in a", text=text, events=events)
     write(tmp_path / "run.mcap", found)
     *_, last = Recording(tmp_path / "run.mcap").messages()
     assert last.time == (int(FIRST_DAY) * 10 + 15) * 10**8
@@ -181,8 +191,7 @@ def test_recorded_exception_is_told_by_its_last_line(tmp_path):
 
 def test_call_that_nobody_answers_is_recorded_as_open(tmp_path):
     calls = [ToldCall(1, "student", "/grasp", 0.5, None, "OK", None)]
-    found = Explained(1, "a", "", [], True, "", [], [], 0, 9.0, Contents(calls, {}, []))
-    write(tmp_path / "run.mcap", found)
+    write(tmp_path / "run.mcap", explained(9.0, Contents(calls, {}, [])))
     reader = CallReader()
     for message in Recording(tmp_path / "run.mcap").messages():
         reader.take(message)

@@ -88,6 +88,7 @@ def test_a_seed_gives_the_same_run_in_every_process():
     assert len({line.split()[-1] for line in first}) == count, "other seeds give other runs"
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize("plant", PLANTS)
 def test_another_source_of_chance_or_time_is_found(plant):
     assert runs(1, 4, plant) != runs(2, 4, plant)

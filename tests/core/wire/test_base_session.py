@@ -1,5 +1,6 @@
 """The base of a session: frames, pings, the end, and errors of the peer."""
 
+import gc
 import tracemalloc
 from collections import Counter
 from typing import get_args
@@ -50,6 +51,13 @@ def test_a_protocol_error_is_sent_to_the_peer(offence):
     (told,) = pair.deliver(pair.client)
     assert str(told.error) == str(closed.error)
     assert not pair.server.take()
+
+
+def test_session_keeps_no_bytes_of_the_handshake():
+    """A server may have thousands of idle connections."""
+    pair = open_pair()
+    kept = [each for each in gc.get_referents(pair.server) if isinstance(each, bytes)]
+    assert not any(kept)
 
 
 def test_a_peer_without_the_magic_bytes_gets_no_reply():

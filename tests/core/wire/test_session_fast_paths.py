@@ -119,6 +119,7 @@ def test_responses_of_a_read_have_the_same_effects_as_their_events(reads, cuts, 
     compare_responses(reads, list(cuts), drains)
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize(
     ("text", "by"),
     [

@@ -3,7 +3,6 @@
 import asyncio
 import datetime
 import socket
-import threading
 
 import pytest
 
@@ -14,6 +13,7 @@ from taskrpc.course.classroom.authority import fingerprint, make_certificates
 from taskrpc.course.classroom.invitation import Invitation
 from taskrpc.course.classroom.joining import find_lab, visit
 from tests.core.transport.helpers import Add, add, ask, outcome
+from tests.raw_servers import served
 
 pytestmark = pytest.mark.real_time
 
@@ -209,16 +209,12 @@ def test_unreachable_lab_is_reported_with_the_remedy(made):
 
 
 def test_another_program_at_the_address_is_reported(made):
-    with socket.create_server(("127.0.0.1", 0)) as sock:
-        threading.Thread(target=_babble, args=[sock], daemon=True).start()
-        place = f"127.0.0.1:{sock.getsockname()[1]}"
+    with served(socket.create_server(("127.0.0.1", 0)), _babble) as place:
         lost = Invitation((place,), made.fingerprint, TOKEN, "/ada", 0, 0)
         with pytest.raises(taskrpc.ServiceUnavailable, match="another program than a lab's server"):
             find_lab(lost)
 
 
-def _babble(sock):
-    connection, _ = sock.accept()
-    with connection:
-        connection.sendall(b"220 mail.example ESMTP\r\n")
-        connection.recv(4096)
+def _babble(connection):
+    connection.sendall(b"220 mail.example ESMTP\r\n")
+    connection.recv(4096)

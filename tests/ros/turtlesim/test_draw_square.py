@@ -2,7 +2,7 @@
 
 import pytest
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 
 def test_the_turtle_is_reset_and_drives_ahead(turtlesim):

@@ -2,7 +2,7 @@
 
 import pytest
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 
 def test_a_second_turtle_does_what_the_first_does(turtlesim):

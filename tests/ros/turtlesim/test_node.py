@@ -2,7 +2,7 @@
 
 import pytest
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 SPAWN, TELEPORT = "turtlesim/srv/Spawn", "turtlesim/srv/TeleportAbsolute"
 

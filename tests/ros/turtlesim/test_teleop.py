@@ -10,7 +10,7 @@ if sys.platform == "win32":
 
 import pty
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 
 def test_keys_move_turn_and_stop_the_turtle(turtlesim):

@@ -69,6 +69,15 @@ class OpenCall(msgspec.Struct, eq=False):
     is_late: bool = False
     """Whether the deadline has passed and the client waits to hear whether the call had begun."""
 
+    def answered(self, body: Body) -> None:
+        """Complete the call with the body of its response."""
+        try:
+            self.future.set_result(self.decode(body))
+        except (InvalidRequest, ProtocolError) as error:
+            self.failed(_bad_answer(error))
+        except asyncio.InvalidStateError:
+            pass  # cancelled in this turn of the event loop
+
     def failed(self, error: BaseException) -> None:
         """End the call with an error."""
         if not self.future.done():
@@ -271,8 +280,11 @@ class CallingConnection(Connection):
             if self._splitter.large is None:
                 data = self._read_buffer[:nbytes].tobytes()
                 found, rest = session.responses(data, nbytes)
-                if found:
-                    _complete(found)
+                for call, body in found:
+                    try:  # as in `answered`
+                        call.future.set_result(call.decode(body))
+                    except (InvalidRequest, ProtocolError, asyncio.InvalidStateError):
+                        call.answered(body)  # decoded again, to report the error
                 if rest:
                     self.handle(session.feed(rest))
             else:
@@ -287,7 +299,7 @@ class CallingConnection(Connection):
                 self.flush()
 
     def _answered(self, event: ResponseReceived) -> None:
-        _complete(((event.ticket, event.body),))
+        event.ticket.answered(event.body)
 
     def _failed(self, event: ErrorReceived) -> None:
         # Sent only by the server itself: an exception of a handler arrives as HandlerFailed.
@@ -396,17 +408,6 @@ class CallingConnection(Connection):
         waiting, self._waiting = self._waiting, deque()
         for call in waiting:
             call.refused(error)
-
-
-def _complete(answered: Iterable[tuple[OpenCall, Body]]) -> None:
-    """Complete the futures of calls with the bodies of their responses."""
-    for call, body in answered:
-        try:
-            call.future.set_result(call.decode(body))
-        except (InvalidRequest, ProtocolError) as error:
-            call.failed(_bad_answer(error))
-        except asyncio.InvalidStateError:
-            pass  # cancelled in this turn of the event loop
 
 
 def time_left(deadline: float, now: float) -> int:

@@ -244,9 +244,14 @@ class Connection(asyncio.BufferedProtocol):
     def flush(self) -> None:
         """Write the session's output."""
         self._flush_planned = False
-        if self.session.out:
+        session = self.session
+        if out := session.out:
+            if out[1:]:
+                out = session.take()
+            else:  # a large body is never alone: its header is the piece before it
+                session.out = []
             transport = self.transport
-            for piece in self.session.take():
+            for piece in out:
                 if transport is not None:
                     self._watch.written += len(piece)
                     transport.write(piece)

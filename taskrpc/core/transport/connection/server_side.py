@@ -67,7 +67,9 @@ _GRACE = 2 * LINGER
 read the reason."""
 
 
-_NO_ANSWERS: dict[int, Answer] = {}  # one for all idle connections; nothing changes it
+# One of each for all idle connections; nothing changes them.
+_NO_ROUTES = Routes()
+_NO_ANSWERS: dict[int, Answer] = {}
 
 _Held: TypeAlias = "RemoteCall | ResolveReceived"
 
@@ -182,7 +184,7 @@ class ServingConnection(Connection):
         # Created when first needed: of thousands of idle connections, most need no list.
         self._held: list[_Held] | None = None
         """Requests that may not begin yet; see `hold`."""
-        self.routes = Routes()
+        self.routes = _NO_ROUTES
         self.answers: dict[int, Answer] = _NO_ANSWERS
         """The functions that take the calls, by the method id of the connection."""
         self.clock_at = 0.0
@@ -501,6 +503,7 @@ class ServingConnection(Connection):
             caller = question.caller or self.caller
             faults, account = self.server.faults, self.principal
             offer = self._measured(offer)
+            self.routes = self.routes or Routes()
             handle = self.routes.add(offer, method, caller, account, self.role, faults)
             self.answers = self.answers or {}
             self.answers[handle] = answer_of(self, self.routes[handle])

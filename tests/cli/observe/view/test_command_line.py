@@ -96,6 +96,7 @@ DEFAULT_ACTION = {
 }
 
 
+@pytest.mark.end_to_end
 @pytest.mark.real_time
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows cannot send Ctrl-C to one process")
 @pytest.mark.parametrize(("ending", "status"), [("SIGINT", 130), ("SIGTERM", 143), ("SIGHUP", 129)])

@@ -127,6 +127,7 @@ def hello(place):
         connection.close()
 
 
+@pytest.mark.end_to_end
 @POSIX
 @pytest.mark.real_time
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])

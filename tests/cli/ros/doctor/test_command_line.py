@@ -12,6 +12,7 @@ import pytest
 
 from taskrpc.cli.main import main
 from taskrpc.cli.ros.doctor import probe
+from tests.raw_servers import served
 
 pytestmark = pytest.mark.real_time
 
@@ -88,20 +89,15 @@ def test_port_without_a_program_is_a_problem(examine):
 
 
 def test_foreign_program_at_the_port_is_a_problem(examine):
-    with socket.create_server(("127.0.0.1", 0)) as sock:
-        threading.Thread(target=_answer_as_a_web_server, args=[sock], daemon=True).start()
-        host, port = sock.getsockname()
-        text, advice = only_problem(examine(f"{host}:{port}"))
-    assert text.startswith(f"{host}:{port}: ")
+    with served(socket.create_server(("127.0.0.1", 0)), _answer_as_a_web_server) as place:
+        text, advice = only_problem(examine(place))
+    assert text.startswith(f"{place}: ")
     assert "another program than taskrpc" in advice
 
 
-def _answer_as_a_web_server(sock: socket.socket) -> None:
-    for _ in range(3):
-        connection, _ = sock.accept()
-        with connection:
-            connection.recv(4096)
-            connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+def _answer_as_a_web_server(connection: socket.socket) -> None:
+    connection.recv(4096)
+    connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
 
 
 def test_unknown_host_name_is_a_problem(examine, monkeypatch):

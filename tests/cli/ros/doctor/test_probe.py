@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import json
 import os
@@ -10,7 +11,6 @@ import socket
 import ssl
 import subprocess
 import sys
-import threading
 
 import pytest
 import trustme
@@ -20,6 +20,7 @@ from taskrpc.cli.ros.doctor import probe
 from taskrpc.core.security import lab
 from taskrpc.core.wire.handshake import refusal
 from taskrpc.errors import ProtocolError
+from tests.raw_servers import served
 
 pytestmark = pytest.mark.real_time
 
@@ -42,31 +43,8 @@ def diagnose(capsys):
 @pytest.fixture
 def listening():
     """Starts something that does `talk(connection)` with each that comes; returns its place."""
-    socks = []
-
-    def _listening(talk):
-        sock = socket.create_server(("127.0.0.1", 0))
-        socks.append(sock)
-        threading.Thread(target=_serve, args=[sock, talk], daemon=True).start()
-        return f"127.0.0.1:{sock.getsockname()[1]}"
-
-    yield _listening
-    for sock in socks:
-        sock.close()
-
-
-def _serve(sock, talk):
-    while True:
-        try:
-            connection, _ = sock.accept()
-        except OSError:
-            return
-        with connection:
-            connection.settimeout(2)
-            try:
-                talk(connection)
-            except OSError:
-                continue
+    with contextlib.ExitStack() as stack:
+        yield lambda talk: stack.enter_context(served(socket.create_server(("127.0.0.1", 0)), talk))
 
 
 @pytest.fixture

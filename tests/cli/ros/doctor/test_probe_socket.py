@@ -16,6 +16,7 @@ import taskrpc
 from taskrpc.cli.main import main
 from taskrpc.cli.ros.doctor import probe
 from tests.core.transport.helpers import Add, add
+from tests.raw_servers import served
 
 HAS_UNIX = hasattr(socket, "AF_UNIX") and os.name == "posix"
 pytestmark = [
@@ -86,19 +87,11 @@ def test_socket_of_an_ended_server_is_a_problem(path, capsys):
 
 
 def test_foreign_program_at_the_socket_is_a_problem(path, capsys):
-    def hang_up(sock):
-        while True:
-            try:
-                sock.accept()[0].close()
-            except OSError:
-                return
-
-    with socket.socket(socket.AF_UNIX) as sock:
-        sock.bind(str(path))
-        sock.listen()
-        threading.Thread(target=hang_up, args=[sock], daemon=True).start()
+    sock = socket.socket(socket.AF_UNIX)
+    sock.bind(str(path))
+    sock.listen()
+    with served(sock, lambda connection: connection.close()):
         (((text, advice),), _) = diagnose(f"unix:{path}", capsys)
-        sock.shutdown(socket.SHUT_RDWR)
     assert text.startswith(f"unix:{path}: the connection was lost")
     assert advice == "another program than taskrpc listens there"
 

@@ -8,7 +8,7 @@ import pytest
 
 from taskrpc.cli.main import main
 
-pytestmark = pytest.mark.real_time
+pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
 
 PROGRAM = """
 import rclpy

@@ -196,6 +196,7 @@ def test_call_sent_at_once_has_the_effects_of_one_sent_from_the_queue(steps, bod
     run(steps, body)
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize(
     ("name", "text", "by"),
     [

@@ -15,13 +15,14 @@ import srvgen
 import taskrpc
 from taskrpc.core.transport.codec import codec_of
 from taskrpc.core.transport.connection import plain_serving
+from taskrpc.core.transport.limits.quotas import FairQuota
 from taskrpc.core.transport.memory import hub_of
 from taskrpc.core.wire import messages
 from taskrpc.core.wire.events import ResponseReceived
 from taskrpc.core.wire.frames import LARGE, NO_DEADLINE, Flag, FrameType, pack_frame
 from taskrpc.core.wire.handshake import Identity
 from taskrpc.core.wire.messages import Limits, Resolve
-from taskrpc.core.wire.session import Session
+from taskrpc.core.wire.session import LONGEST_TIME, Session
 from taskrpc.errors import Code, HandlerError
 from taskrpc.testing import VirtualTimeLoop
 from tests.core.wire.helpers import Replaced
@@ -53,7 +54,7 @@ class Server:
         self.other = mock.Mock(loop=self.loop)
         kinds = (self.add, self.ask, self.hold, self.wait, self.task, self.none, self.wrong)
         kinds += (self.fail, self.refuse, self.deny, self.pause, self.withdraw)
-        kinds += (self.hog, self.close, self.drain)
+        kinds += (self.hog, self.stop, self.close, self.drain)
         self.services = [node.create_service(Add, kind.__name__, kind) for kind in kinds]
         node.create_service(Add, "three", self.wait, concurrency=3)
         node.create_service(Types, "large", self.large)
@@ -101,6 +102,10 @@ class Server:
             self.end.backpressure.answered("/large", self.other, size)
         self.end.backpressure.measure(self.other)
 
+    def lend(self, calls):
+        """Let the caller have only so many calls in flight beside those that are free."""
+        self.end.server.calls_in_flight._calls = FairQuota(2 * calls)
+
     # The callbacks
 
     def add(self, request, response):
@@ -119,6 +124,10 @@ class Server:
 
     def hog(self, request, response):
         self.loop.advance(0.3)
+        return self.add(request, response)
+
+    def stop(self, request, response):
+        self.loop.advance(LONGEST_TIME / 1e6 + 1)
         return self.add(request, response)
 
     def close(self, request, response):
@@ -299,6 +308,8 @@ async def played(batches):
                         server.unread(40_000_000 if kind == "full" else 0)
                     elif kind == "observe":
                         server.services[0].observe(Observing(server.log))
+                    elif kind == "lend":
+                        server.lend(values[0])
                     else:
                         await asyncio.sleep(values[0])
             for size in sizes:
@@ -386,6 +397,14 @@ SCENARIOS = [
     [([call("three")] * 9, [])],
     [([call("wait", body=bytes(150)), call("wait"), call("wait", body=bytes(199))], [])],
     [([call("add", body=bytes(201)), call("add")], [])],
+    # The server lends the caller one call more, or none.
+    *(
+        [([("lend", lent), *[call("three")] * calls, *[call("add")] * 2], [])]
+        for lent in (0, 1)
+        for calls in (2, 3, 4)
+    ),
+    # The callback takes longer than the server time of a response can say.
+    [([call("stop"), call("add")], [])],
     [([call("texts", body=LONG)] * 4, [])],
     # What a callback began goes on when the next call is served.
     [([call("task"), call("task"), call("add"), ("time", 0.0)], [])],
@@ -430,10 +449,12 @@ SERVING = [
     ("end - body > splitter.limit", "False"),
     ("call_id <= self.last_call_id", "False"),
     ("len(open_calls) >= self.free_calls", "False"),
+    ("len(open_calls) >= self.free_calls", "len(open_calls) > self.free_calls"),
     ("self.bytes_in_flight + end - body > self.free_bytes", "False"),
     ("self.last_call_id = call_id", "pass"),
     ("data = splitter.take_tail() + data", "splitter.take_tail()"),
     ("self.state is not _CLOSED", "True"),
+    ("server_time = LONGEST_TIME", "pass"),
 ]
 DIFFERENCES = [
     *((plain_serving, "_plain", *texts) for texts in PLAIN),
@@ -442,6 +463,7 @@ DIFFERENCES = [
 ]
 
 
+@pytest.mark.faults
 @pytest.mark.parametrize(("owner", "name", "text", "by"), DIFFERENCES)
 def test_a_difference_between_the_paths_is_found(owner, name, text, by):
     @given(batches)

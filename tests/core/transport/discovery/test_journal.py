@@ -12,6 +12,7 @@ from taskrpc.core.transport.discovery import journal as module
 from taskrpc.core.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.core.transport.discovery.journal import Journal, JournalReader, line_of
 from taskrpc.core.wire.messages import ServiceEndpoint
+from tests.properties import examples
 
 ABOUT = RegistryEntry(pid=1, script="a.py", folder="/", since=1.0)
 
@@ -83,7 +84,7 @@ def read_on(file, reader):
     return reader.tracked and reader.tracked.entry()
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(changes=st.lists(CHANGES, min_size=2, max_size=6))
 def test_wherever_a_write_ends_readers_find_the_old_state_or_the_new(changes, tmp_path_factory):
     folder = tmp_path_factory.mktemp("journal")

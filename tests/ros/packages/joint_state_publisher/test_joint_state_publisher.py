@@ -77,6 +77,7 @@ def test_without_a_file_the_description_comes_from_its_topic(ros_names, tmp_path
             rclpy.spin_once(node, timeout_sec=0.1)
 
 
+@pytest.mark.end_to_end
 @pytest.mark.parametrize(
     ("argument", "problem"),
     [

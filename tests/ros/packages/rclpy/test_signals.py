@@ -103,6 +103,7 @@ def test_a_program_that_catches_ctrl_c_ends_with_0_and_its_shutdown_is_silent():
     assert ended_by(signal.SIGINT, body) == (0, "caught False\n", "")
 
 
+@pytest.mark.end_to_end
 @pytest.mark.real_time
 @not_on_windows
 def test_ctrl_c_interrupts_a_program_that_sleeps_between_spins():
@@ -131,6 +132,7 @@ def test_sigterm_ends_the_spinning_with_an_exception():
     assert ended_by(signal.SIGTERM, body) == (0, "ended\n", "")
 
 
+@pytest.mark.end_to_end
 @pytest.mark.real_time
 @not_on_windows
 def test_ctrl_c_ends_the_spinning_of_another_thread():
@@ -156,6 +158,7 @@ def test_ctrl_c_ends_the_spinning_of_another_thread():
 # After the shutdown
 
 
+@pytest.mark.end_to_end
 @pytest.mark.real_time
 @not_on_windows
 @pytest.mark.parametrize("how", ["shutdown", "signal"])
@@ -175,6 +178,7 @@ def test_after_the_shutdown_everything_refuses_as_in_ros(how, tmp_path):
     assert ended.stdout.splitlines() == expected.read_text().splitlines()
 
 
+@pytest.mark.end_to_end
 @pytest.mark.real_time
 @not_on_windows
 @pytest.mark.parametrize(

@@ -118,6 +118,7 @@ def test_parameters_are_checked_and_used_while_the_node_runs(ros):
     assert "one/laser" in names
 
 
+@pytest.mark.end_to_end
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [

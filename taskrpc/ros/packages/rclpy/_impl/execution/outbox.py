@@ -9,7 +9,7 @@ import time
 import weakref
 from collections import deque
 from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 from taskrpc.errors import ServiceUnavailable, WouldDeadlock
@@ -152,10 +152,16 @@ class Outbox:
 _outboxes: weakref.WeakKeyDictionary[Outbox, None] = weakref.WeakKeyDictionary()
 
 
-@cache
+_is_registered = False
+"""Whether this program flushes at its end; `taskrpc.simulation` has one value for each program."""
+
+
 def _register_flush() -> None:
-    # Not at import: exit functions run in reverse order, and this one needs the loop.
-    atexit.register(_flush_all)
+    global _is_registered
+    if not _is_registered:
+        _is_registered = True
+        # Not at import: exit functions run in reverse order, and this one needs the loop.
+        atexit.register(_flush_all)
 
 
 def _flush_all() -> None:

@@ -134,6 +134,7 @@ SHOWN = [
 ]
 
 
+@pytest.mark.end_to_end
 def test_callbacks_with_other_parameters_are_explained_when_they_are_given(ros, monkeypatch):
     explained = ros(HEAD + PARAMETERS)
     monkeypatch.setenv("TASKRPC_LIKE_ROS", "1")
@@ -173,6 +174,7 @@ def test_silent_mistakes_are_explained_and_happen_with_like_ros(ros, monkeypatch
     assert told(silent.err) == []
 
 
+@pytest.mark.end_to_end
 @pytest.mark.parametrize(("like", "out"), [("0", "TimeoutError\n"), ("1", "None\n")])
 def test_like_ros_a_call_has_no_result_after_its_timeout(run, monkeypatch, like, out):
     monkeypatch.setenv("TASKRPC_LIKE_ROS", like)
@@ -185,6 +187,7 @@ except TimeoutError:
     assert run(HEAD + source)[:2] == (0, out)
 
 
+@pytest.mark.end_to_end
 @pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
 @pytest.mark.parametrize(("like", "code"), [("0", 0), ("1", 1)])
 def test_like_ros_the_shutdown_after_ctrl_c_raises(ros, monkeypatch, like, code):

@@ -222,6 +222,7 @@ from std_msgs.msg import String
 """
 
 
+@pytest.mark.end_to_end
 @pytest.mark.parametrize("what", UNSPUN)
 @pytest.mark.parametrize("end", ["", "rclpy.shutdown()"])
 def test_a_node_that_ends_before_a_thread_spun_it_is_reported_in_one_line(run, what, end):
@@ -232,6 +233,7 @@ def test_a_node_that_ends_before_a_thread_spun_it_is_reported_in_one_line(run, w
     assert err.endswith(" ends before a callback of it could run; call rclpy.spin(node)\n")
 
 
+@pytest.mark.end_to_end
 @pytest.mark.parametrize(
     "source",
     [
