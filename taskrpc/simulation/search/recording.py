@@ -13,8 +13,8 @@ from taskrpc.observe.recording.calls import CALLS_TOPIC, CallEnd
 from taskrpc.observe.recording.mcap_file import RecordingError, RecordingWriter
 from taskrpc.observe.recording.timed_event import NOTES_TOPIC, Note
 from taskrpc.simulation.interpreter.loop import FIRST_DAY
+from taskrpc.simulation.search.fault_words import fault_words
 from taskrpc.simulation.search.protocol import Contents, Explained
-from taskrpc.simulation.search.story import fault_words
 from taskrpc.spi import SUFFIX
 
 _NS: Final = 10**9

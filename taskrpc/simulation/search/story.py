@@ -8,6 +8,7 @@ from typing import Final
 
 from taskrpc.simulation.run.coverage import Coverage
 from taskrpc.simulation.run.trace import Event
+from taskrpc.simulation.search.fault_words import fault_words
 from taskrpc.simulation.search.protocol import Explained
 
 _WORDS: Final = {
@@ -23,12 +24,6 @@ _WORDS: Final = {
     "crash": "FAULT: {text}",
     "end": "{text}",
     "raise": "ends with {text}",
-}
-_PAST: Final = {
-    "lose": "lost",
-    "duplicate": "arriving twice",
-    "delay": "overtaken by others",
-    "refuse": "refused",
 }
 _MOST_NAMES = 5
 _GROUP_WORDS: Final = {
@@ -65,23 +60,6 @@ def _needs(found: Explained) -> str:
         names.append("an unlucky order of the threads")
     what = " and ".join(names) or "no fault at all"
     return f"Seed {found.seed} fails with {what}."
-
-
-def fault_words(name: str) -> str:
-    """Return the name of a fault in words: `response 1 of /grasp lost`."""
-    first, *words = name.split()
-    if first in _PAST and words[0] in ("request", "response"):
-        what, number, _, service = words
-        return f"{what} {number} of {service} {_PAST[first]}"
-    if first == "kill":
-        return f"{words[0]} killed"
-    if first == "part":
-        return f"{words[0]} and {words[2]} out of each other's reach"
-    if first == "slow":
-        return f"a slow {words[0]}"
-    if name.startswith("wrong clock"):
-        return f"a wrong clock in {words[1]}"
-    return name
 
 
 def _events(
