@@ -54,6 +54,9 @@ def _run(options: Namespace) -> int:
     file = Path(options.file)
     if not file.is_file():
         raise UsageError(f"cannot read {options.file}: no such file")
+    record = None if options.record is None else Path(options.record)
+    if record is not None:
+        _check_record(record)
     runs = options.runs or (None if options.seconds else _RUNS)
     try:
         found = search(
@@ -62,6 +65,7 @@ def _run(options: Namespace) -> int:
             seconds=options.seconds,
             seed=options.seed,
             jobs=options.jobs,
+            records=record is not None,
             progress=_progress(runs, options.seconds),
         )
     except TaskRpcError as error:
@@ -70,6 +74,8 @@ def _run(options: Namespace) -> int:
         _print_json(found)
     else:
         _print_text(found, file, verbose=options.verbose)
+    if record is not None:
+        _record(record, found)
     return 0 if found.failure is None else 1
 
 
@@ -118,7 +124,38 @@ def _print_text(found: Finding, file: Path, *, verbose: bool) -> None:
         print("No run failed.")
 
 
+def _check_record(path: Path) -> None:
+    """Raise UsageError if the recording could not be written, before the search."""
+    from taskrpc.cli.shared.command import UsageError
+    from taskrpc.errors import TaskRpcError
+
+    try:
+        from taskrpc.simulation.search.recording import check_path
+
+        check_path(path)
+    except TaskRpcError as error:
+        raise UsageError(str(error)) from None
+
+
+def _record(path: Path, found: Finding) -> None:
+    """Write the failing run, if there is one, and say so."""
+    import shlex
+    import sys
+
+    if found.failure is None:
+        print("Nothing was recorded: no run failed.", file=sys.stderr)
+        return
+    from taskrpc.simulation.search.recording import write
+
+    write(path, found.failure)
+    command = shlex.join(["taskrpc", "view", str(path)])
+    print(f"Recorded. Watch it: {command}", file=sys.stderr)
+
+
 def _print_json(found: Finding) -> None:
     import msgspec
 
+    if found.failure is not None:  # the contents of the calls are for the recording
+        failure = msgspec.structs.replace(found.failure, contents=None)
+        found = msgspec.structs.replace(found, failure=failure)
     print(msgspec.json.encode(found).decode())

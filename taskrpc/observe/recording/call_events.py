@@ -16,28 +16,30 @@ from taskrpc.robot.tasks.page_events import MAX_NODES, client_label
 
 MAX_CALLS = 100
 """The most calls of one event, as on the live page."""
+PERIOD = 0.2
+"""Seconds between two `calls` events."""
 MOST_CALLS = 25_000
 """Most calls that succeeded, and most calls with an error; of more, every n-th is shown."""
 
-_PERIOD = 0.2  # seconds between two `calls` events
 _SLOW = 0.05  # seconds after which a call is shown although it has not ended
 _SAMPLED = 1000  # the newest calls, for the percentiles
 _GRAPH_PERIOD, _MOST_GRAPH_EVENTS = 1.0, 300
 _MOST_PAIRS = 10 * MAX_NODES
 
 
-def call_events(calls: Sequence[RecordedCall]) -> Iterator[TimedEvent]:
+def call_events(calls: Sequence[RecordedCall], *, period: float = PERIOD) -> Iterator[TimedEvent]:
     """Yield the calls when they end; long and open calls also when they begin.
 
-    `calls` are ordered by their start. The statistics count all of them.
+    `calls` are ordered by their start. The statistics count all of them. The calls of each `period`
+    are one event; with 0, each call is one, which is for short recordings.
     """
     statistics = _Statistics()
     batch: list[dict[str, Any]] = []
     selection = _Selection(calls)
     first = time = 0.0
     for time, number, call, ended in _moments(calls):
-        if selection.events and time - first >= _PERIOD:
-            yield _calls_event(first + _PERIOD, batch, selection, statistics)
+        if selection.events and time - first >= period:
+            yield _calls_event(first + period, batch, selection, statistics)
             batch = []
         if not selection.events:
             first = time

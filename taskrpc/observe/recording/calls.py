@@ -36,8 +36,8 @@ class CallEnd(msgspec.Struct, omit_defaults=True):
     client: str
     began: float
     """Seconds since 1970."""
-    ms: float
-    """Milliseconds from the arrival of the request to the response."""
+    ms: float | None
+    """Milliseconds from the arrival of the request to the response; None: it has not ended."""
     code: str = _OK
     """The name of the error code; `OK` for a response."""
     account: str = ""

@@ -1,12 +1,13 @@
 """A recording as the live page's events: the same JSON as the event stream, each with its time.
 
 The events `tasks`, `robot`, `path`, `scan` and `graph` are whole states: at any time, the newest of
-each name is what the page shows. The events `calls` and `task` add up. Long recordings are thinned
-out, so that a browser can keep all events in memory. Here they are compressed.
+each name is what the page shows. The events `calls`, `task` and `note` add up. Long recordings are
+thinned out, so that a browser can keep all events in memory. Here they are compressed.
 """
 
 from __future__ import annotations
 
+import contextlib
 import heapq
 import math
 from collections.abc import Iterator
@@ -15,7 +16,7 @@ from typing import Any
 import msgspec
 
 import srvgen
-from taskrpc.observe.recording.call_events import call_events, graph_events
+from taskrpc.observe.recording.call_events import PERIOD, call_events, graph_events
 from taskrpc.observe.recording.calls import CallReader, RecordedCall, is_about_calls
 from taskrpc.observe.recording.compressed_lines import CompressedLines
 from taskrpc.observe.recording.decisions import (
@@ -29,20 +30,23 @@ from taskrpc.observe.recording.decisions import (
 )
 from taskrpc.observe.recording.mcap_file import Recording, RecordingError, Topic
 from taskrpc.observe.recording.state_events import RobotClock, RobotEvents, TaskEvents
-from taskrpc.observe.recording.timed_event import TimedEvent
+from taskrpc.observe.recording.timed_event import NOTES_TOPIC, Note, TimedEvent, note_events
 from taskrpc.robot.journal import RobotStart, RobotStep, WorldFacts
 from taskrpc.robot.tasks.page_events import PROTOCOL, map_json
 from taskrpc.robot.tasks.queue.journal import QueueStart, QueueStep
 
 _POSE = "geometry_msgs/msg/PoseStamped"
 _NEVER = -math.inf
+_ADDING_UP = ("calls", "task", "note")
+"""The events that are no whole states."""
 
 
 class Timeline:
     """All events of a recording, in the order of time; iterate over it to get them.
 
     Args:
-        recording: the file; recordings without decisions have only `hello`, `calls` and `graph`.
+        recording: the file; recordings without decisions have only `hello`, `calls`, `graph` and
+            `note`.
         mistake: another problem of the recording, as a sentence.
 
     Raises:
@@ -59,8 +63,9 @@ class Timeline:
         encode = msgspec.json.Encoder().encode
         for event in heapq.merge(
             states.events(recording),
-            call_events(overview.calls),
+            call_events(overview.calls, period=0.0 if overview.notes else PERIOD),
             graph_events(self.begin, self.end, overview.run, overview.calls),
+            note_events(overview.notes),
             key=lambda event: event.t,
         ):
             self._lines.add(event.t, encode(event))
@@ -69,7 +74,7 @@ class Timeline:
         self.name = recording.path.name or recording.path.resolve().name
         """The name of the file or the folder."""
         problems = [each for each in (recording.problem, states.problem, mistake) if each]
-        if states.decisions == 0:
+        if states.decisions == 0 and not overview.notes:
             problems.append(
                 f"{self.name} has no decisions of a task server, so there is no map and"
                 " no queue; the page shows the calls and the nodes"
@@ -96,8 +101,8 @@ class Timeline:
     def state_at(self, time: float) -> dict[str, TimedEvent]:
         """Return what the page shows at a time: the newest event of each state, by its name."""
         newest = {event.event: event for event in self.events_between(self.begin, time)}
-        newest.pop("calls", None)
-        newest.pop("task", None)
+        for name in _ADDING_UP:
+            newest.pop(name, None)
         return newest
 
     def lines(self) -> Iterator[bytes]:
@@ -147,6 +152,8 @@ class _Overview:
 
     def __init__(self, recording: Recording) -> None:
         self.run: RunStart | None = None
+        self.notes: list[tuple[float, Note]] = []
+        """The notes of a simulation, with their times in seconds since 1970."""
         first, last = 0, 0
         reader = CallReader(texts=False)
         for message in recording.messages():
@@ -156,6 +163,10 @@ class _Overview:
                 reader.take(message)
             elif message.topic.name == DECISIONS_TOPIC and self.run is None:
                 self._take(message.data)
+            elif message.topic.name == NOTES_TOPIC:
+                with contextlib.suppress(msgspec.MsgspecError, UnicodeDecodeError):  # damaged
+                    note = msgspec.json.decode(message.data, type=Note)
+                    self.notes.append((message.time / 1e9, note))
         if not last:
             rest = f": {recording.problem}" if recording.problem else ""
             raise RecordingError(f"{recording.path} has no message{rest}")

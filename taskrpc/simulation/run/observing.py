@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc import Observer
 from taskrpc.errors import Code
+from taskrpc.simulation.run.contents import Contents, span_of
 from taskrpc.simulation.run.trace import Trace
 from taskrpc.simulation.run.world import CallRecord
 from taskrpc.spi import Fault
@@ -38,6 +39,7 @@ class Noting(Protocol):
 
     calls: list[CallRecord]
     trace: Trace
+    contents: Contents | None
 
     @property
     def now(self) -> float:
@@ -83,6 +85,13 @@ class RunObserver(Observer):
         if (process := self._run.present()) is not None and not is_hidden(call.service):
             self._run.note("begin", call.service, process.name)
             self._run.seen(process)
+        if self._run.contents is not None:
+            self._run.contents.keep("REQUEST_RECEIVED", call, getattr(call, "request", None))
+
+    def call_answered(self, call: CallInfo, response: Any) -> None:
+        """A call gets its response."""
+        if self._run.contents is not None:
+            self._run.contents.keep("RESPONSE_SENT", call, response)
 
     def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
         """A call has ended; one that its caller no longer waits for is cancelled."""
@@ -95,8 +104,6 @@ class RunObserver(Observer):
 
 class _Outgoing:
     """One call of a program."""
-
-    span = b""
 
     def __init__(self, run: Noting, service: str) -> None:
         self._run = run
@@ -111,9 +118,11 @@ class _Outgoing:
         count = len(run.trace.events)
         self._record = CallRecord(name, process, service, run.now, count, where, hidden)
         run.calls.append(self._record)
+        self.span = b"" if run.contents is None else span_of(len(run.calls))
 
     def ended(self, code: Code, seconds: float) -> None:
         self._record.ok = code is Code.OK
+        self._record.code, self._record.ended = code.name, self._run.now
         if self._process is not None and not self._record.is_hidden:
             kind, text = ("answer", "") if self._record.ok else ("error", f" {code.name}")
             self._run.note(kind, f"{self._record.service}{text}", self._process.name)  # type: ignore[arg-type]

@@ -33,6 +33,7 @@ from taskrpc.simulation.interpreter.threads import Handle
 from taskrpc.simulation.interpreter.watchdog import LIMIT, NeverWaits
 from taskrpc.simulation.run import calling, ends
 from taskrpc.simulation.run.choices import Choices
+from taskrpc.simulation.run.contents import Contents
 from taskrpc.simulation.run.coverage import Coverage
 from taskrpc.simulation.run.network import Hubs, RunNetwork
 from taskrpc.simulation.run.observing import (
@@ -104,7 +105,8 @@ class Run:
         scenario: what to run.
         sources: the programs' files.
         choices: all chance.
-        tells: whether the events name the lines of the programs.
+        tells: whether the events name the lines of the programs, and the run keeps the contents of
+            calls.
     """
 
     def __init__(
@@ -122,6 +124,7 @@ class Run:
         """For taskrpc's own ids, secrets and waits."""
         self.trace = Trace()
         self.calls: list[CallRecord] = []
+        self.contents = Contents(lambda: self.now) if tells else None
         self.faults_happened: list[str] = []
         self.failure: Failure | None = None
         self.disk = Disk(SimulatedWorld.folder, interpreter.cannot)

@@ -26,6 +26,10 @@ class CallRecord(msgspec.Struct):
     """Whether taskrpc makes it by itself."""
     ok: bool | None = None
     """True once it got its response, False once it ended with an error."""
+    code: str = ""
+    """The name of the error code once it has ended; `OK` for a response."""
+    ended: float = 0.0
+    """Virtual seconds, once it has ended."""
 
 
 class Lived(Protocol):

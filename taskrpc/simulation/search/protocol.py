@@ -24,6 +24,8 @@ class Explain(msgspec.Struct, tag=True):
     """Find the fewest faults of a failing seed, and tell the story; answered by `Explained`."""
 
     seed: int
+    records: bool = False
+    """Whether the answer has the contents of the calls."""
 
 
 Order = Load | Search | Explain
@@ -55,7 +57,49 @@ class Searched(msgspec.Struct, tag=True):
     """How long the processor worked."""
 
 
-class Explained(msgspec.Struct, tag=True):
+class ServiceType(msgspec.Struct, frozen=True):
+    """The type of a service's events, as recordings describe it."""
+
+    name: str
+    """Such as `std_srvs/srv/Trigger_Event`."""
+    schema: str
+    hash: str
+
+
+class ToldCall(msgspec.Struct, frozen=True):
+    """A call of a recorded run; its times are virtual seconds."""
+
+    number: int
+    client: str
+    service: str
+    began: float
+    ended: float | None
+    code: str
+    """The name of its error code; `OK` for a response, and while it has not ended."""
+    deadline: float | None
+
+
+class ServiceEvent(msgspec.Struct, frozen=True):
+    """A step of a call, as ROS records it."""
+
+    time: float
+    service: str
+    call: int
+    data: bytes
+    """CDR."""
+
+
+class Contents(msgspec.Struct, frozen=True):
+    """The calls of a run, for its recording."""
+
+    calls: list[ToldCall]
+    types: dict[str, ServiceType]
+    """By the name of the service; without those whose definition is missing."""
+    events: list[ServiceEvent]
+    """In the order of time."""
+
+
+class Explained(msgspec.Struct, tag=True, omit_defaults=True):
     """A failing run with as few faults as possible."""
 
     seed: int
@@ -72,6 +116,10 @@ class Explained(msgspec.Struct, tag=True):
     """What the programs that have not ended wait for, one line each."""
     first_faults: int
     """How many faults the run had before."""
+    failed_at: float
+    """Virtual seconds."""
+    contents: Contents | None = None
+    """The calls, if the order asked for them."""
 
 
 Answer = Loaded | Refused | Searched | Explained

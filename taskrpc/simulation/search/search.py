@@ -119,6 +119,7 @@ def search(
     seconds: float | None = None,
     seed: int = 0,
     jobs: int | None = None,
+    records: bool = False,
     progress: Progress = lambda *_: None,
 ) -> Finding:
     """Run the scenario of a file with many seeds, up to the first that fails.
@@ -129,6 +130,7 @@ def search(
         seconds: how long, if `runs` is None.
         seed: the first seed.
         jobs: how many worker processes; by default as many as there are cores.
+        records: whether the failure has what `recording.write` needs.
         progress: is called several times a second.
 
     Raises TaskRpcError if the scenario cannot be simulated.
@@ -148,7 +150,7 @@ def search(
                 workers.stop()
             progress(coverage, seeds.found, time.monotonic() - begin)
         taken = time.monotonic() - begin
-        failure = None if failed is None else workers.first.ask(Explain(failed))
+        failure = None if failed is None else workers.first.ask(Explain(failed, records))
         return Finding(coverage, seeds.found, taken, failure, last if runs == 1 else "")
 
 

@@ -8,6 +8,7 @@ from typing import Final
 
 from taskrpc.simulation.run.coverage import Coverage
 from taskrpc.simulation.run.trace import Event
+from taskrpc.simulation.search.fault_words import fault_words
 from taskrpc.simulation.search.protocol import Explained
 
 _WORDS: Final = {
@@ -23,12 +24,6 @@ _WORDS: Final = {
     "crash": "FAULT: {text}",
     "end": "{text}",
     "raise": "ends with {text}",
-}
-_PAST: Final = {
-    "lose": "lost",
-    "duplicate": "arriving twice",
-    "delay": "overtaken by others",
-    "refuse": "refused",
 }
 _MOST_NAMES = 5
 _GROUP_WORDS: Final = {
@@ -59,28 +54,12 @@ def story(found: Explained, lines: Mapping[str, Sequence[str]], *, everything: b
 
 
 def _needs(found: Explained) -> str:
-    names = [_fault_words(each) for each in found.faults]
+    names = [fault_words(each) for each in found.faults]
     names += [_GROUP_WORDS[each] for each in found.groups]
     if not found.in_order:
         names.append("an unlucky order of the threads")
     what = " and ".join(names) or "no fault at all"
     return f"Seed {found.seed} fails with {what}."
-
-
-def _fault_words(name: str) -> str:
-    first, *words = name.split()
-    if first in _PAST and words[0] in ("request", "response"):
-        what, number, _, service = words
-        return f"{what} {number} of {service} {_PAST[first]}"
-    if first == "kill":
-        return f"{words[0]} killed"
-    if first == "part":
-        return f"{words[0]} and {words[2]} out of each other's reach"
-    if first == "slow":
-        return f"a slow {words[0]}"
-    if name.startswith("wrong clock"):
-        return f"a wrong clock in {words[1]}"
-    return name
 
 
 def _events(
@@ -89,7 +68,7 @@ def _events(
     width = max((len(each.program) for each in events), default=0)
     told = []
     for each in events:
-        text = _fault_words(each.text) if each.kind == "fault" else each.text
+        text = fault_words(each.text) if each.kind == "fault" else each.text
         words = _WORDS[each.kind].format(text=text)
         told.append(f"{each.time:8.3f} s  {each.program:<{width}}  {words}{_source(each, lines)}")
     if len(told) > _LONGEST and not everything:

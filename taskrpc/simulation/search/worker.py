@@ -41,7 +41,7 @@ class Worker:
                 case protocol.Search():
                     return self._search(order.seeds)
                 case protocol.Explain():
-                    return self._explain(order.seed)
+                    return self._explain(order.seed, records=order.records)
         except TaskRpcError as error:
             return protocol.Refused(str(error))
 
@@ -95,9 +95,10 @@ class Worker:
                 return protocol.Searched(coverage, shapes, seed, last, _cpu_seconds() - begin)
         return protocol.Searched(coverage, shapes, None, last, _cpu_seconds() - begin)
 
-    def _explain(self, seed: int) -> Any:
+    def _explain(self, seed: int, *, records: bool) -> Any:
         from taskrpc.simulation.search import protocol
         from taskrpc.simulation.search.shrink import GROUPS, shrink
+        from taskrpc.simulation.search.told_calls import contents_of
 
         first = self._new_run(seed).play()
         kept, in_order = shrink(
@@ -117,6 +118,8 @@ class Worker:
             list(last.events),
             run.waits,
             len(first.faults),
+            last.seconds,
+            contents_of(run) if records else None,
         )
 
     def _new_run(

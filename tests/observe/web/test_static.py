@@ -10,8 +10,9 @@ import taskrpc.observe.web
 STATIC = Path(taskrpc.observe.web.__file__).with_name("static")
 FILES = sorted(path.name for path in STATIC.iterdir())
 MODULES = [name for name in FILES if name.endswith(".js")]
-ON_DEMAND = {"frames.js", "recording.js", "slow_motion.js"}
-"""Modules that a page loads when a robot publishes frames, for a recording, and in slow motion."""
+OF_RECORDINGS = {"notes.js", "recording.js"}
+ON_DEMAND = {"frames.js", "slow_motion.js", *OF_RECORDINGS}
+"""Modules that a page loads when a robot publishes frames, in slow motion, and for a recording."""
 MOST_BYTES_AT_FIRST, MOST_BYTES = 140_000, 150_000
 """Most bytes of the page when it opens, and of a live page that has loaded everything it can."""
 
@@ -40,7 +41,7 @@ def test_page_is_small():
     assert first == set(FILES) - ON_DEMAND
     assert sum(size(name) for name in first) <= MOST_BYTES_AT_FIRST
     # A live page plays no recording.
-    assert sum(size(name) for name in set(FILES) - {"recording.js"}) <= MOST_BYTES
+    assert sum(size(name) for name in set(FILES) - OF_RECORDINGS) <= MOST_BYTES
 
 
 @pytest.mark.parametrize("name", FILES)

@@ -126,7 +126,7 @@ async function openRecording() {
   model.setConnection("recording", model.hello.recording.name);
   try {
     const { Recording } = await import("./recording.js");
-    recording = new Recording(model, token);
+    recording = new Recording(model, token, calls);
     await recording.load();
   } catch (error) {
     model.setConnection("refused", error.message);

@@ -2,6 +2,7 @@
 
 import { authorization, partsOf } from "./connection.js";
 import { DRAWING, byId, element, icon, root, setAttribute, setIcon, setText } from "./dom.js";
+import { NotesView, momentText, noteText } from "./notes.js";
 import { duration, timeOfDay } from "./words.js";
 
 const SPEEDS = [0.1, 0.5, 1, 2, 5, 20];
@@ -14,14 +15,17 @@ function after(events, t) {
 }
 
 export class Recording {
-  constructor(model, token) {
+  /** `calls` draws the lanes. */
+  constructor(model, token, calls) {
     this.model = model;
+    this.calls = calls;
     this.token = token;
     this.events = []; // {t, event, data}, in order of time
     this.named = {}; // the same events by their name
     this.next = 0; // index of the first event after the clock
     this.isPlaying = false;
     this.speed = 1;
+    this.notes = null; // the view of a simulation's notes
     this.root = byId("timeline");
   }
 
@@ -43,6 +47,7 @@ export class Recording {
     // It runs from event to event at the chosen speed, and stops while paused.
     this.clock = this.model.clock = { t: this.begin, now: () => this.clock.t, observe() {}, freeze() {} };
     this.draw(recording.name);
+    if (this.named.note) this.notes = new NotesView(this, this.calls);
     this.seek(this.begin);
     this.setPlaying(true);
   }
@@ -60,9 +65,9 @@ export class Recording {
     this.root.hidden = false;
   }
 
-  /** Mark the errors and the ends of tasks on the time line, at most 300. */
+  /** Mark the errors, the ends of tasks, and the faults of a simulation on the time line, at most 300. */
   drawMarks() {
-    const marks = new Map(); // place in per mille -> tone
+    const marks = new Map(); // place in per mille -> tone, or a note of a simulation
     let ended = null;
     for (const { t, event, data } of this.events) {
       const place = Math.round(((t - this.begin) / (this.end - this.begin)) * 300);
@@ -70,10 +75,14 @@ export class Recording {
       if (event === "calls" && data.calls.some((call) => call.state === "error")) marks.set(place, "bad");
       if (newest && ended !== null && newest.task_id !== ended && !marks.has(place)) marks.set(place, newest.state === "SUCCEEDED" ? "good" : "bad");
       if (event === "tasks") ended = newest?.task_id ?? 0;
+      if (event === "note" && data.tone && marks.get(place)?.kind !== "failure") marks.set(place, { ...data, title: `${momentText(t - this.begin)}: ${noteText(data)}` });
     }
-    for (const [place, tone] of marks) {
-      const mark = element("span", { "data-tone": tone });
+    for (const [place, found] of marks) {
+      const { tone = found, kind, title } = found;
+      const mark = element("span", { "data-tone": tone, "data-kind": kind, title });
       mark.style.left = `${place / 3}%`;
+      if (kind) Object.assign(mark.style, { width: ".375rem", rotate: "45deg" });
+      if (kind === "failure") Object.assign(mark.style, { height: "1rem", width: "3px", top: "-1rem", rotate: "none" });
       this.marks.append(mark);
     }
   }
@@ -110,6 +119,7 @@ export class Recording {
   }
 
   frame() {
+    this.notes?.frame();
     if (!this.isPlaying) return;
     const now = performance.now();
     this.clock.t = Math.min(this.end, this.clock.t + ((now - this.last) / 1000) * this.speed);
