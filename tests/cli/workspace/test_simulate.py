@@ -25,6 +25,7 @@ FAILURE = Explained(
     events=[Event(number, "robot", "print", f"line {number}", "a.py:1") for number in range(99)],
     waits=[],
     first_faults=3,
+    failed_at=1.5,
 )
 
 

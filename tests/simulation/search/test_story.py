@@ -23,6 +23,7 @@ FOUND = Explained(
     ],
     waits=["student waits at client.py:2 for the response of /pick"],
     first_faults=3,
+    failed_at=1.5,
 )
 LINES = {"client.py": ["import taskrpc", "    response = call()"]}
 
