@@ -27,12 +27,12 @@ _OF_ROS: Final = ("rclpy.executors", "rclpy.node", "rclpy.action")
 """What rclpy itself imports late."""
 
 _load: Any = srvgen.load
-_is_watched = False
+_watched: set[str] = set()
+"""What the runs of this process are told of."""
 
 
 def use_product(interpreter: Interpreter, folder: Path, files: Sequence[Path]) -> None:
     """Prepare taskrpc, and rclpy if it is used, for programs in a folder."""
-    global _is_watched
     hook.install(folder)
     TRANSPORTS["tcp"] = Registration("taskrpc.simulation.run.network:open_network")
     TRANSPORTS["memory"] = TRANSPORTS["tcp"]
@@ -43,13 +43,13 @@ def use_product(interpreter: Interpreter, folder: Path, files: Sequence[Path]) -
         for name in _OF_ROS:
             importlib.import_module(name)
     srvgen.load = functools.cache(_load)  # the files do not change during the runs
-    if "rclpy" in sys.modules:
-        _install_no_signal_handlers()
-    if not _is_watched:
-        _is_watched = True
+    if "publishers" not in _watched:
+        _watched.add("publishers")
         watch_publishers(lambda: interpreter.run)
-        if "rclpy" in sys.modules:
-            watch_callers(lambda: interpreter.run)
+    if "rclpy" in sys.modules and "callers" not in _watched:
+        _watched.add("callers")
+        _install_no_signal_handlers()
+        watch_callers(lambda: interpreter.run)
     interpreter.state = ModuleState()
 
 

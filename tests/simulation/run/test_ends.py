@@ -2,6 +2,8 @@
 
 import pytest
 
+from taskrpc.simulation.search.search import WorkerProcess
+from tests.simulation.conftest import Workbench
 from tests.simulation.small_programs import ROBOT, ROS_ROBOT
 
 pytestmark = pytest.mark.real_time
@@ -79,10 +81,10 @@ def test_call_without_a_response_is_found_when_the_program_waits_for_it(simulate
     failure = loaded.first_failure()
     assert failure.kind == "a call that nobody answers"
     assert failure.text.startswith("client waits since ")
-    assert "for the response of /pick, which it called at client.py:9" in failure.text
+    assert "for the response of /pick, which it called at client.py:8" in failure.text
     assert failure.faults == ["lose request 1 of /pick"]
     assert failure.groups == []
-    assert any("client.py:9" in line for line in failure.waits)
+    assert any("client.py:8" in line for line in failure.waits)
 
 
 def test_program_that_goes_on_without_the_response_is_no_failure(simulated):
@@ -110,3 +112,13 @@ def test_callback_that_waits_for_ever_is_found(simulated):
     failure = loaded.explain()
     assert failure.kind == "a callback that never ends"
     assert failure.text == "a callback of a waits for ever at a.py:7"
+
+
+def test_line_of_a_call_of_rclpy_is_known_in_a_process_that_simulated_without_rclpy_before(
+    tmp_path,
+):
+    with WorkerProcess() as worker:
+        simulated = Workbench(worker, tmp_path)
+        simulated(robot=ROBOT, duration=1).run()
+        loaded = simulated("scenario.faults(lose_requests=0.5)", robot=ROS_ROBOT, client=HANGING)
+        assert "which it called at client.py:8" in loaded.first_failure().text
