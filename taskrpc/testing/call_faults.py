@@ -132,12 +132,15 @@ class _FaultyCall(ObservedCall, eq=False, kw_only=True):
     """Whether it is decided which fault the call gets."""
     report: Callable[[IncomingCall, Fault], None] | None = None
     """Is called when it happens."""
+    is_answered: bool = False
+    """Whether its service has answered, also if the response is lost."""
     is_twin: bool = False
     """Whether it is a second arrival of another call, whose response nobody gets."""
 
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Answer with a response message, unless a fault prevents it."""
         fault, self.fault = self.fault, None
+        self.is_answered = True
         if self.is_twin:
             return
         if fault is None or self.ended:

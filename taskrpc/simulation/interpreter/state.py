@@ -146,4 +146,6 @@ def _copy(value: Any) -> Any:
     """Return what another program gets in the place of a value."""
     if isinstance(value, _PLAIN):
         return value
-    return functools.cache(value.__wrapped__) if type(value) is _CACHED else value.copy()
+    if type(value) is _CACHED:
+        return functools.cache(value.__wrapped__)
+    return value.copy() if type(value) in _CONTAINERS else value

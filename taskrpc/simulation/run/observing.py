@@ -97,6 +97,8 @@ class RunObserver(Observer):
         """A call has ended; one that its caller no longer waits for is cancelled."""
         if code not in (Code.CANCELLED, Code.DEADLINE_EXCEEDED) or is_hidden(call.service):
             return
+        if getattr(call, "is_answered", False):  # and the response was lost
+            return
         if (process := self._run.present()) is not None:
             self._run.note("cancel", call.service, process.name)
             self._run.seen(process)

@@ -94,7 +94,7 @@ def _waits(waits: Sequence[str]) -> list[str]:
 def lines_of(found: Explained, folder: Path) -> dict[str, list[str]]:
     """Return the lines of the files that the events name; looks for them in a folder."""
     read = {}
-    for name in {each.where.partition(":")[0] for each in found.events if each.where}:
+    for name in dict.fromkeys(each.where.partition(":")[0] for each in found.events if each.where):
         for path in folder.rglob(name):
             read[name] = path.read_text(encoding="utf-8", errors="replace").splitlines()
             break

@@ -93,7 +93,7 @@ def test_unknown_fault_is_refused_with_a_list_of_what_is_allowed(server):
     assert code == 2
     line = err.splitlines()[-1]
     assert "argument --fault: expected a fault, got 'lose'" in line
-    assert "allowed are lose-request, lose-response, delay-response:0.5s" in line
+    assert "allowed are lose-request, duplicate-request, lose-response, delay-response:0.5s" in line
 
 
 @pytest.mark.parametrize("options", [["--fresh"], ["--db", ":memory:"]])
