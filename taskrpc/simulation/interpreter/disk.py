@@ -18,7 +18,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final, Protocol, TypeAlias
 
 _HARMLESS: Final = (os.devnull, "/proc/self/fd/", "/dev/fd/")
 """Paths that lead to no other file."""
@@ -46,6 +46,10 @@ _open, _os_open, _fsync = builtins.open, os.open, os.fsync
 _real = {name: getattr(os, name) for name, _ in _ONE_PATH} | {
     name: getattr(os, name) for name in _TWO_PATHS if hasattr(os, name)
 }
+
+
+AnyPath: TypeAlias = str | bytes | os.PathLike[str] | os.PathLike[bytes] | int
+"""What `open` accepts; a number is that of an open file."""
 
 
 class Owner(Protocol):
@@ -89,7 +93,7 @@ class Disk:
         """The program that has opened each of these files."""
         self._databases: dict[str, list[sqlite3.Connection]] = {}
 
-    def path(self, path: Any, owner: Owner, *, writes: bool) -> Any:
+    def path(self, path: AnyPath, owner: Owner, *, writes: bool) -> AnyPath:
         """Return where a path leads."""
         if isinstance(path, int):
             return path
@@ -211,7 +215,7 @@ def install(present: Callable[[], tuple[Disk, Owner] | None]) -> None:
         disk, owner = found
         writes = not _WRITES.isdisjoint(mode)
         path = disk.path(file, owner, writes=writes)
-        before = _content(path) if writes else None
+        before = _content(str(path)) if writes else None
         opened = _open(path, mode, *more, **named)
         if writes:
             disk.opened(str(path), owner, before, opened.fileno())
@@ -242,9 +246,9 @@ def install(present: Callable[[], tuple[Disk, Owner] | None]) -> None:
         if found is None or str(database).startswith((":memory:", "file:")):
             return connect(database, *more, **named)
         disk, owner = found
-        path = disk.path(database, owner, writes=True)
+        path = str(disk.path(database, owner, writes=True))
         connection = connect(path, *more, **named)
-        disk.connected(str(path), owner, connection)
+        disk.connected(path, owner, connection)
         return connection
 
     vars(builtins)["open"] = vars(io)["open"] = open_file

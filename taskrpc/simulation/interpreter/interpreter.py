@@ -57,7 +57,7 @@ class Interpreter:
         self.state: ModuleState
         """Set once all modules are imported."""
         self._entered: Process | None = None
-        self._outside: list[Any] = []
+        self._outside: list[list[object]] = []
 
     def process(self) -> Process | None:
         """Return the process whose stack runs now; None outside of the stacks."""

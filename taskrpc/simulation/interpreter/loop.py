@@ -6,13 +6,14 @@ import asyncio
 import contextvars
 import math
 import random
-from collections.abc import Callable
-from typing import Any, TypeVarTuple, Unpack
+from collections.abc import Callable, Coroutine, Generator
+from typing import Any, TypeVar, TypeVarTuple, Unpack
 
 from taskrpc.simulation.interpreter.stacks import Stack, Stacks
 from taskrpc.simulation.interpreter.threads import Waiter
 
 _Arguments = TypeVarTuple("_Arguments")
+_Result = TypeVar("_Result")
 
 FIRST_DAY = 1_767_225_600.0
 """The time of day when a run begins: 2026-01-01 00:00 UTC, in seconds since 1970."""
@@ -42,10 +43,16 @@ class SimulatedLoop(asyncio.BaseEventLoop):
         self._tasks = 0
         self._signals: set[int] = set()
 
-    def create_task(self, coro: Any, *, name: object = None, **more: Any) -> asyncio.Task[Any]:
+    def create_task(
+        self,
+        coro: Generator[object, None, _Result] | Coroutine[object, object, _Result],
+        *,
+        name: object = None,
+        context: contextvars.Context | None = None,
+    ) -> asyncio.Task[_Result]:
         """Start a task; its default name counts the tasks of this loop."""
         self._tasks += 1
-        return super().create_task(coro, name=name or f"Task-{self._tasks}", **more)
+        return super().create_task(coro, name=name or f"Task-{self._tasks}", context=context)
 
     def time(self) -> float:
         """The virtual time in seconds."""
@@ -89,7 +96,7 @@ class SimulatedLoop(asyncio.BaseEventLoop):
         caller, owner = self._stacks.current, self._stack
         return owner is not None and (caller is None or caller.program != owner.program)
 
-    def call_exception_handler(self, context: dict[str, Any]) -> None:
+    def call_exception_handler(self, context: dict[str, object]) -> None:
         """Report an exception that nobody handles, while a program runs."""
         if self._stacks.current is not None and not self._stacks.current.is_dead:
             super().call_exception_handler(context)

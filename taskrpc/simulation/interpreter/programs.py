@@ -109,7 +109,7 @@ class Process:
         self.clock: WrongClock | None = None
         """None: its time of day is right."""
         self.pid = 0
-        self.state: list[Any] = []
+        self.state: list[list[object]] = []
         """Its values of `ModuleState`; [] before it first runs."""
         self.folder = source.file.parent
         self.is_gone = False

@@ -73,14 +73,14 @@ class ModuleState:
             for name in names
         ]
 
-    def new(self) -> list[list[Any]]:
+    def new(self) -> list[list[object]]:
         """Return the values for a new program."""
         found = [[_copy(value) for value in values] for values in self._first]
         for (owner, index), (first, at) in self._copy_of.items():
             found[owner][index] = found[first][at]
         return found
 
-    def take(self) -> list[list[Any]]:
+    def take(self) -> list[list[object]]:
         """Return the present values."""
         return [
             [owner[name] for name in names]
@@ -89,7 +89,7 @@ class ModuleState:
             for owner, names in zip(self._owners, self._names, strict=True)
         ]
 
-    def put(self, values: list[list[Any]]) -> None:
+    def put(self, values: list[list[object]]) -> None:
         """Let these be the present values."""
         for owner, names, own in zip(self._owners, self._names, values, strict=True):
             if type(owner) is dict:

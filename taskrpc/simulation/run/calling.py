@@ -14,7 +14,7 @@ TIMEOUT = 10.0
 """Virtual seconds until a call fails."""
 
 
-async def call(service: str, fields: dict[str, Any]) -> Any:
+async def call(service: str, fields: dict[str, object]) -> object:
     """Call a service and return its response. Raises TaskRpcError."""
     async with taskrpc.Node(NAME) as node:
         name = node.resolve_service_name(service)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 
 import srvgen
 
 if TYPE_CHECKING:
-    from taskrpc import CallInfo
+    from taskrpc import CallInfo, Msg
 
 
 class Step(msgspec.Struct, frozen=True):
@@ -41,14 +41,14 @@ class Contents:
         self.steps: list[Step] = []
         self._now = now
 
-    def keep(self, name: str, call: CallInfo, message: Any) -> None:
+    def keep(self, name: str, call: CallInfo, message: Msg | None) -> None:
         """Keep a message that a service has received or sent."""
         number = int.from_bytes(call.span[:16], "big")
         if not number or message is None:
             return
         left, now = call.time_left(), self._now()
         try:
-            data = srvgen.to_cdr(message)
+            data = srvgen.to_cdr(cast("Any", message))
         except srvgen.CdrError:
             return
         deadline = None if left is None else now + left

@@ -15,7 +15,7 @@ from taskrpc.testing import CallFaults
 from taskrpc.topic import Publisher
 
 if TYPE_CHECKING:
-    from taskrpc import CallInfo
+    from taskrpc import CallInfo, Msg
     from taskrpc.simulation.interpreter.programs import Process
     from taskrpc.simulation.run.trace import Kind
 
@@ -54,13 +54,16 @@ class Noting(Protocol):
     def line_of_call(self, process: Process, service: str) -> str:
         """Return the line of the program that makes a call which begins now."""
 
+    def asks(self, service: str) -> None:
+        """A program makes a call, which its event loop begins later."""
+
     def note(self, kind: Kind, text: str, program: str = "", where: str = "") -> None:
         """Add an event."""
 
     def seen(self, process: Process) -> None:
         """Count what a program did."""
 
-    def published(self, topic: str, message: Any) -> None:
+    def published(self, topic: str, message: object) -> None:
         """A program publishes a message."""
 
     def fault(self, name: str, program: str) -> None:
@@ -76,7 +79,7 @@ class RunObserver(Observer):
     def __init__(self, run: Noting) -> None:
         self._run = run
 
-    def request_began(self, service: str) -> Any:
+    def request_began(self, service: str) -> _Outgoing:
         """A program makes a call."""
         return _Outgoing(self._run, service)
 
@@ -88,7 +91,7 @@ class RunObserver(Observer):
         if self._run.contents is not None:
             self._run.contents.keep("REQUEST_RECEIVED", call, getattr(call, "request", None))
 
-    def call_answered(self, call: CallInfo, response: Any) -> None:
+    def call_answered(self, call: CallInfo, response: Msg) -> None:
         """A call gets its response."""
         if self._run.contents is not None:
             self._run.contents.keep("RESPONSE_SENT", call, response)
@@ -131,7 +134,7 @@ class _Outgoing:
             self._run.seen(self._process)
 
 
-def watch_publishers(present: Callable[[], Any]) -> None:
+def watch_publishers(present: Callable[[], Noting | None]) -> None:
     """Note the messages of all publishers from now on."""
     publish = Publisher.publish
 
@@ -143,7 +146,7 @@ def watch_publishers(present: Callable[[], Any]) -> None:
     Publisher.publish = noted  # type: ignore[assignment, method-assign]
 
 
-def watch_callers(present: Callable[[], Any]) -> None:
+def watch_callers(present: Callable[[], Noting | None]) -> None:
     """Note which lines of rclpy programs make calls: the loop's thread sends them later."""
     from rclpy.client import Client
 

@@ -7,14 +7,14 @@ import importlib
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import srvgen
 from taskrpc.ros import hook
 from taskrpc.simulation.interpreter.imports import import_for
 from taskrpc.simulation.interpreter.interpreter import Interpreter
 from taskrpc.simulation.interpreter.state import ModuleState
-from taskrpc.simulation.run.observing import watch_callers, watch_publishers
+from taskrpc.simulation.run.observing import Noting, watch_callers, watch_publishers
 from taskrpc.spi import TRANSPORTS, Registration
 
 _IMPORTED: Final = (
@@ -45,11 +45,11 @@ def use_product(interpreter: Interpreter, folder: Path, files: Sequence[Path]) -
     srvgen.load = functools.cache(_load)  # the files do not change during the runs
     if "publishers" not in _watched:
         _watched.add("publishers")
-        watch_publishers(lambda: interpreter.run)
+        watch_publishers(lambda: cast("Noting | None", interpreter.run))
     if "rclpy" in sys.modules and "callers" not in _watched:
         _watched.add("callers")
         _install_no_signal_handlers()
-        watch_callers(lambda: interpreter.run)
+        watch_callers(lambda: cast("Noting | None", interpreter.run))
     interpreter.state = ModuleState()
 
 

@@ -249,7 +249,7 @@ class Run:
         self.faults_happened.append(name)
         self.note("fault", name, program)
 
-    def published(self, topic: str, message: Any) -> None:
+    def published(self, topic: str, message: object) -> None:
         """A program publishes a message."""
         process = self.present()
         if process is not None and not is_hidden(topic):
@@ -486,11 +486,11 @@ class Run:
         if self.failure is None:
             self._look_for_waits()
 
-    def call(self, service: str, fields: dict[str, Any]) -> Any:
+    def call(self, service: str, fields: dict[str, object]) -> object:
         """Call a service for a check, and let the programs run meanwhile."""
         if not self.is_calm:
             raise TaskRpcError("world.call: only the functions of scenario.finally_ may call")
-        results: list[Any] = []
+        results: list[object] = []
 
         def live() -> None:
             try:

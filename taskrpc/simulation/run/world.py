@@ -53,7 +53,7 @@ class Observed(Protocol):
     def lives(self) -> Iterable[Lived]:
         """All starts of all programs."""
 
-    def call(self, service: str, fields: dict[str, Any]) -> Any:
+    def call(self, service: str, fields: dict[str, object]) -> object:
         """Call a service."""
 
 

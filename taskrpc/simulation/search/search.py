@@ -11,7 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, Final, Self
+from typing import Final, Self, overload
 
 import msgspec
 
@@ -23,6 +23,7 @@ from taskrpc.simulation.search.protocol import (
     Explain,
     Explained,
     Load,
+    Loaded,
     Order,
     Refused,
     Search,
@@ -59,7 +60,13 @@ class WorkerProcess:
         """Load a scenario. Raises TaskRpcError if it cannot be simulated."""
         self.ask(Load(str(file)))
 
-    def ask(self, order: Order) -> Any:
+    @overload
+    def ask(self, order: Load) -> Loaded: ...
+    @overload
+    def ask(self, order: Search) -> Searched: ...
+    @overload
+    def ask(self, order: Explain) -> Explained: ...
+    def ask(self, order: Order) -> Answer:
         """Send an order and return the answer. Raises TaskRpcError if it is refused."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
@@ -74,7 +81,7 @@ class WorkerProcess:
                 f"the simulation's process has ended with {self._process.wait()}; its last words"
                 " are above"
             )
-        answer = self._decoder.decode(line)
+        answer: Answer = self._decoder.decode(line)
         if isinstance(answer, Refused):
             raise TaskRpcError(answer.problem)
         return answer

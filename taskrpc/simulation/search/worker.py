@@ -10,12 +10,15 @@ import traceback
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.simulation.interpreter import interpreter as interpreters
+
+if TYPE_CHECKING:  # importing it before `prepare` would be too early
+    from taskrpc.simulation.search.protocol import Answer, Explained, Loaded, Order, Searched
 
 _cpu_seconds = time.process_time  # before it is replaced for the programs
 _COLLECT_EVERY: Final = 20  # runs
@@ -30,7 +33,7 @@ class Worker:
         self._sources: dict[str, Any] = {}
         self._runs = 0
 
-    def answer(self, order: Any) -> Any:
+    def answer(self, order: Order) -> Answer:
         """Do what an order says; returns the answer."""
         from taskrpc.simulation.search import protocol
 
@@ -45,7 +48,7 @@ class Worker:
         except TaskRpcError as error:
             return protocol.Refused(str(error))
 
-    def _load(self, file: Path) -> Any:
+    def _load(self, file: Path) -> Loaded:
         from taskrpc.simulation.interpreter.programs import Source
         from taskrpc.simulation.run.product import use_product
         from taskrpc.simulation.run.world import SimulatedWorld
@@ -76,7 +79,7 @@ class Worker:
         use_product(self._interpreter, folder, files)
         return protocol.Loaded([each.name for each in self._scenario.programs])
 
-    def _search(self, seeds: Sequence[int]) -> Any:
+    def _search(self, seeds: Sequence[int]) -> Searched:
         from taskrpc.simulation.interpreter.refusals import CannotSimulate
         from taskrpc.simulation.run.coverage import Coverage
         from taskrpc.simulation.search import protocol
@@ -95,7 +98,7 @@ class Worker:
                 return protocol.Searched(coverage, shapes, seed, last, _cpu_seconds() - begin)
         return protocol.Searched(coverage, shapes, None, last, _cpu_seconds() - begin)
 
-    def _explain(self, seed: int, *, records: bool) -> Any:
+    def _explain(self, seed: int, *, records: bool) -> Explained:
         from taskrpc.simulation.search import protocol
         from taskrpc.simulation.search.shrink import GROUPS, shrink
         from taskrpc.simulation.search.told_calls import contents_of
