@@ -87,9 +87,6 @@ def test_published_tables_are_those_that_the_tool_writes_from_the_numbers():
     assert written == report(published(PUBLISHED)), "python benchmarks/run.py --tables"
 
 
-@pytest.mark.xfail(
-    strict=True, reason="the figures are of commit 3004d92; `make bench` renews them"
-)
 def test_published_figures_are_of_the_present_wire_and_transport():
     current = sources_digest()
     old = [run.python for run in published(PUBLISHED) if run.about.get("sources") != current]
