@@ -20,9 +20,6 @@ from taskrpc.simulation.interpreter.stacks import Killed, Stack, Stacks
 from taskrpc.simulation.interpreter.threads import Handle
 from taskrpc.spi import current_program
 
-MAX_OUTPUT: Final = 1_000_000
-"""Characters that the programs of one run may write."""
-
 
 class Listener(Protocol):
     """Is told what programs do."""

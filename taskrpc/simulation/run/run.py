@@ -28,7 +28,7 @@ from taskrpc.simulation.interpreter.programs import (
     own_line,
 )
 from taskrpc.simulation.interpreter.refusals import CannotSimulate
-from taskrpc.simulation.interpreter.stacks import Stack, Stop
+from taskrpc.simulation.interpreter.stacks import Killed, Stack, Stop
 from taskrpc.simulation.interpreter.threads import Handle
 from taskrpc.simulation.interpreter.watchdog import LIMIT, NeverWaits
 from taskrpc.simulation.run import calling, ends
@@ -49,6 +49,9 @@ from taskrpc.spi import Fault, FaultKind, Hub, current_program
 
 START_WITHIN: Final = 0.5
 """Seconds within which all programs start."""
+
+MAX_OUTPUT: Final = 1_000_000
+"""Characters that the programs of one run may write."""
 
 MAX_EVENTS: Final = 100_000
 """Events after which a run counts as one that never ends."""
@@ -140,6 +143,7 @@ class Run:
         self._visible = 0
         """Events that the checks have seen."""
         self._printed = 0
+        """Characters that the programs have written."""
         self._events_of: dict[str, int] = {}
         self._crashes: dict[str, int] = {}
         self._doomed: list[Process] = []
@@ -210,7 +214,12 @@ class Run:
 
     def printed(self, process: Process, line: str) -> None:
         """A program has written a line."""
-        self._printed += len(line)
+        self._printed += len(line) + 1
+        if self._printed > MAX_OUTPUT:  # perhaps in one step, before `_watch` sees it
+            self.fail(
+                "endless output", f"{process.name} has written more than {MAX_OUTPUT} characters"
+            )
+            raise Killed
         process.lines.append(line)
         # The event has its time already, and is the same event at another time.
         self._happened("print", _STAMP.sub(r"\1", line) if line.startswith("[") else line, process)

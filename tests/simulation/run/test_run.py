@@ -238,3 +238,16 @@ def test_output_without_end_fails_the_run(simulated):
         """,
     )
     assert loaded.explain().kind == "endless work"
+
+
+def test_program_that_writes_without_end_fails_the_run_at_once(simulated):
+    code = """
+        while True:
+            try:
+                print("again and again")
+            except Exception:
+                pass
+        """
+    failure = simulated(a=code).explain()
+    assert failure.kind == "endless output"
+    assert failure.text == "a has written more than 1000000 characters"
