@@ -230,10 +230,10 @@ class Stacks:
         """Return the living stacks of a program, the oldest first."""
         return [each for each in self.all.values() if each.program == program and not each.is_dead]
 
-    def run(self, until: float, choose: Choose, watch: Callable[[Stack], bool]) -> Stop:
+    def run(self, until: float, choose: Choose, watch: Callable[[], bool]) -> Stop:
         """Run the stacks until a time, or until nothing can happen any more.
 
-        `watch` is called after each step with the stack that ran; it returns True to stop.
+        `watch` is called after each step; it returns True to stop.
         """
         ready, timers, restless = self._ready, self._timers, self.steps + _RESTLESS
         while True:
@@ -254,7 +254,7 @@ class Stacks:
             # The clock must move even where adding a step would not change it.
             step = self.slowness.get(stack.program, STEP) if self.steps < restless else _POLL
             self.now = max(self.now + step, math.nextafter(self.now, math.inf))
-            if watch(stack):
+            if watch():
                 return Stop.ASKED
             if self.now > until:
                 return Stop.TIME

@@ -28,7 +28,7 @@ from taskrpc.simulation.interpreter.programs import (
     own_line,
 )
 from taskrpc.simulation.interpreter.refusals import CannotSimulate
-from taskrpc.simulation.interpreter.stacks import Killed, Stack, Stop
+from taskrpc.simulation.interpreter.stacks import Killed, Stop
 from taskrpc.simulation.interpreter.threads import Handle
 from taskrpc.simulation.interpreter.watchdog import LIMIT, NeverWaits
 from taskrpc.simulation.run import calling, ends
@@ -158,8 +158,6 @@ class Run:
         self._apart_fault = ""
         self._coming: list[tuple[float, ProgramEntry, int]] = []
         """Programs that will start, with the time and the number of the start."""
-        self.is_calm = False
-        """Whether faults are off."""
         self.waits: list[str] = []
         """What the programs waited for at the end, if the run tells it."""
         self._offered: list[str] = []
@@ -171,6 +169,11 @@ class Run:
     def now(self) -> float:
         """Virtual seconds since the begin."""
         return self._stacks.now
+
+    @property
+    def is_calm(self) -> bool:
+        """Whether faults are off."""
+        return self._network.is_calm
 
     @property
     def lives(self) -> Iterable[Process]:
@@ -445,7 +448,7 @@ class Run:
             process.clock = WrongClock(chance.expovariate(0.3), chance.choice((*_WRONG, None)))
             self.fault(f"wrong clock {name}", name)
 
-    def _watch(self, stack: Stack) -> bool:
+    def _watch(self) -> bool:
         """Look at what a step has done; returns whether to stop the stacks."""
         events = self.trace.events
         if len(events) != self._visible:
@@ -489,7 +492,10 @@ class Run:
                 self.fail(check.__name__, explained(error, self._world.folder))
 
     def _check_at_end(self) -> None:
-        self.is_calm = self._network.is_calm = True
+        self._network.is_calm = True
+        self._keep_apart()
+        if self._coming:  # programs that were killed shortly before the end
+            self._advance(max(when for when, _, _ in self._coming) + START_WITHIN)
         if self.failure is None:
             self._check(self._scenario.final_checks)
         if self.failure is None:
@@ -512,7 +518,7 @@ class Run:
         current_program.reset(token)
         end = self.now + 2 * calling.TIMEOUT
         while not results and self.now < end:
-            stop = self._stacks.run(end, self._choices.next, lambda _: bool(results))
+            stop = self._stacks.run(end, self._choices.next, lambda: bool(results))
             self._end_doomed()
             if stop is Stop.IDLE:
                 break

@@ -27,7 +27,7 @@ class TestInThisProcess:
     def run(self, stacks, *actions):
         for each in actions:
             stacks.start(each, Handle())
-        return stacks.run(1000.0, lambda ready: 0, lambda _: False)
+        return stacks.run(1000.0, lambda ready: 0, lambda: False)
 
     def test_two_loops_take_turns(self, stacks):
         seen = []

@@ -13,7 +13,7 @@ def test_time_passes_for_a_stack_that_only_lets_others_run():
 
     try:
         stacks.start(poll, Handle())
-        assert stacks.run(100.0, lambda _: 0, lambda _: stacks.steps > 100_000) is Stop.IDLE
+        assert stacks.run(100.0, lambda _: 0, lambda: stacks.steps > 100_000) is Stop.IDLE
     finally:
         stacks.reset()
 

@@ -20,7 +20,7 @@ class TestInThisProcess:
     def run(self, stacks, *actions, until=100.0):
         for each in actions:
             stacks.start(each, Handle())
-        return stacks.run(until, lambda ready: 0, lambda _: False)
+        return stacks.run(until, lambda ready: 0, lambda: False)
 
     def test_lock_goes_to_the_stack_that_has_waited_longest(self, stacks):
         lock, seen = Lock(), []

@@ -251,3 +251,17 @@ def test_program_that_writes_without_end_fails_the_run_at_once(simulated):
     failure = simulated(a=code).explain()
     assert failure.kind == "endless output"
     assert failure.text == "a has written more than 1000000 characters"
+
+
+def test_program_that_was_killed_shortly_before_the_end_is_up_again_for_the_final_checks(simulated):
+    faults = "scenario.faults(crash=('robot',), restart=(2.0, 3.0))"
+    check = """
+
+@scenario.finally_
+def robot_answers(world):
+    world.call("pick")
+"""
+    loaded = simulated(faults + check, duration=2.0, robot=ROBOT, client=CLIENT)
+    answer = loaded.search(*range(60))
+    assert answer.failed is None
+    assert answer.coverage.faults["kill"] > 0
