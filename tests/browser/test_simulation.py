@@ -50,7 +50,6 @@ def recording(tmp_path):
         hash="",
         events=events,
         waits=[],
-        first_faults=2,
         failed_at=FAILED,
         contents=Contents(calls, {}, []),
     )

@@ -19,7 +19,8 @@ MOST_PRINTS: Final = 25_000
 _TONES: Final = {"fault": "violet", "crash": "violet", "raise": "bad", "failure": "bad"}
 """The tones of the notes that the page marks."""
 _SHOWN: Final = {"start", "print", "end", *_TONES}
-"""The kinds of notes that are shown; the others tell of calls, which recordings have anyway."""
+"""The kinds of notes that the page shows. The other kinds are about calls, which a recording has in
+topics of their own."""
 _AGAIN: Final = "starts again"
 
 

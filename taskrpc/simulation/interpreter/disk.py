@@ -93,7 +93,7 @@ class Disk:
         """The program that has opened each of these files."""
         self._databases: dict[str, list[sqlite3.Connection]] = {}
 
-    def path(self, path: AnyPath, owner: Owner, *, writes: bool) -> AnyPath:
+    def path(self, path: AnyPath, *, writes: bool) -> AnyPath:
         """Return where a path leads."""
         if isinstance(path, int):
             return path
@@ -214,7 +214,7 @@ def install(present: Callable[[], tuple[Disk, Owner] | None]) -> None:
             return _open(file, mode, *more, **named)
         disk, owner = found
         writes = not _WRITES.isdisjoint(mode)
-        path = disk.path(file, owner, writes=writes)
+        path = disk.path(file, writes=writes)
         before = _content(str(path)) if writes else None
         opened = _open(path, mode, *more, **named)
         if writes:
@@ -227,7 +227,7 @@ def install(present: Callable[[], tuple[Disk, Owner] | None]) -> None:
             return _os_open(path, flags, *more, **named)
         disk, owner = found
         writes = bool(flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
-        path = disk.path(path, owner, writes=writes)
+        path = disk.path(path, writes=writes)
         before = _content(path) if writes else None
         number = _os_open(path, flags, *more, **named)
         if writes:
@@ -246,7 +246,7 @@ def install(present: Callable[[], tuple[Disk, Owner] | None]) -> None:
         if found is None or str(database).startswith((":memory:", "file:")):
             return connect(database, *more, **named)
         disk, owner = found
-        path = str(disk.path(database, owner, writes=True))
+        path = str(disk.path(database, writes=True))
         connection = connect(path, *more, **named)
         disk.connected(path, owner, connection)
         return connection
@@ -280,7 +280,7 @@ def _with_one_path(real: Callable[..., Any], writes: bool, present: _Present) ->
     def function(path: Any = ".", *more: Any, **named: Any) -> Any:
         found = _of_program(present)
         if found is not None and named.get("dir_fd") is None:
-            path = found[0].path(path, found[1], writes=writes)
+            path = found[0].path(path, writes=writes)
         return real(path, *more, **named)
 
     return function
@@ -289,9 +289,9 @@ def _with_one_path(real: Callable[..., Any], writes: bool, present: _Present) ->
 def _with_two_paths(real: Callable[..., Any], present: _Present) -> Callable[..., Any]:
     def function(source: Any, target: Any, *more: Any, **named: Any) -> Any:
         if (found := _of_program(present)) is not None:
-            disk, owner = found
-            source = disk.path(source, owner, writes=True)
-            target = disk.path(target, owner, writes=True)
+            disk, _ = found
+            source = disk.path(source, writes=True)
+            target = disk.path(target, writes=True)
             disk.moved(str(source), str(target))
         return real(source, target, *more, **named)
 

@@ -1,7 +1,7 @@
 """Prepares this interpreter for simulations; it cannot be used for anything else afterwards.
 
 `prepare` replaces threads, clocks, random bytes, event loops and output for the whole process. So
-simulations run in processes of their own, which `workers` starts.
+simulations run in processes of their own, which `taskrpc.simulation.search` starts.
 """
 
 from __future__ import annotations
@@ -151,7 +151,7 @@ def prepare() -> Interpreter:
     warnings.showwarning = lambda *about: None if found.process() is None else shown(*about)
     refuse(lambda: found.process() is not None, found.cannot)
     disks.install(found.disk)
-    gc.disable()  # `Run` collects between runs
+    gc.disable()  # the worker collects between runs
     return found
 
 

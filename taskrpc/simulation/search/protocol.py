@@ -114,8 +114,6 @@ class Explained(msgspec.Struct, tag=True, omit_defaults=True):
     events: list[Event]
     waits: list[str]
     """What the programs that have not ended wait for, one line each."""
-    first_faults: int
-    """How many faults the run had before."""
     failed_at: float
     """Virtual seconds."""
     contents: Contents | None = None

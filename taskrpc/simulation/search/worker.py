@@ -120,7 +120,6 @@ class Worker:
             first.hash,
             list(last.events),
             run.waits,
-            len(first.faults),
             last.seconds,
             contents_of(run) if records else None,
         )

@@ -24,7 +24,6 @@ FAILURE = Explained(
     hash="abc",
     events=[Event(number, "robot", "print", f"line {number}", "a.py:1") for number in range(99)],
     waits=[],
-    first_faults=3,
     failed_at=1.5,
 )
 

@@ -174,7 +174,7 @@ def explained(failed_at, contents, **facts):
     """A failing run with these facts."""
     return Explained(
         **{"seed": 1, "kind": "check", "text": "", "faults": [], "groups": [], "in_order": True}
-        | {"hash": "", "events": [], "waits": [], "first_faults": 0}
+        | {"hash": "", "events": [], "waits": []}
         | {"failed_at": failed_at, "contents": contents}
         | facts
     )

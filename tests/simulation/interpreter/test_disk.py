@@ -39,7 +39,7 @@ def disk(folder):
 
 def write(disk, path, data, *, sync=False, owner=PROGRAM):
     """Write as a program does whose `open` and `fsync` are those of the disk."""
-    place = disk.path(path, owner, writes=True)
+    place = disk.path(path, writes=True)
     before = Path(place).read_bytes() if os.path.exists(place) else None
     with open(place, "wb") as file:
         disk.opened(place, owner, before, file.fileno())
@@ -50,7 +50,7 @@ def write(disk, path, data, *, sync=False, owner=PROGRAM):
 
 
 def content(disk, path):
-    place = Path(disk.path(path, PROGRAM, writes=False))
+    place = Path(disk.path(path, writes=False))
     return place.read_bytes() if place.exists() else None
 
 
@@ -85,14 +85,14 @@ def test_the_next_run_begins_with_the_folder_as_it_is(folder):
 
 
 def test_reading_copies_nothing(folder, disk):
-    assert disk.path(folder / "old.txt", PROGRAM, writes=False) == folder / "old.txt"
+    assert disk.path(folder / "old.txt", writes=False) == folder / "old.txt"
 
 
 def test_a_write_outside_of_the_folder_is_refused(folder, disk, tmp_path_factory):
     elsewhere = tmp_path_factory.mktemp("elsewhere") / "file.txt"
-    assert disk.path(elsewhere, PROGRAM, writes=False) == elsewhere
+    assert disk.path(elsewhere, writes=False) == elsewhere
     with pytest.raises(Refused, match="outside of the scenario's folder"):
-        disk.path(elsewhere, PROGRAM, writes=True)
+        disk.path(elsewhere, writes=True)
 
 
 def test_a_crash_loses_tears_or_keeps_what_was_not_synced(folder):
@@ -122,8 +122,8 @@ def test_the_crash_of_another_program_keeps_everything(folder):
 def test_a_renamed_file_without_a_sync_may_be_torn_under_its_new_name(folder):
     def replace(disk):
         write(disk, folder / "new.txt", b"new")
-        source = disk.path(folder / "new.txt", PROGRAM, writes=True)
-        target = disk.path(folder / "old.txt", PROGRAM, writes=True)
+        source = disk.path(folder / "new.txt", writes=True)
+        target = disk.path(folder / "old.txt", writes=True)
         os.replace(source, target)
         disk.moved(source, target)
 
@@ -132,7 +132,7 @@ def test_a_renamed_file_without_a_sync_may_be_torn_under_its_new_name(folder):
 
 def test_a_crash_keeps_the_commits_of_a_database_and_nothing_else(folder, disk):
     write(disk, folder / "tasks.db", b"")  # a program may create the file first
-    place = disk.path(folder / "tasks.db", PROGRAM, writes=True)
+    place = disk.path(folder / "tasks.db", writes=True)
     database = sqlite3.connect(place)
     disk.connected(place, PROGRAM, database)
     with database:

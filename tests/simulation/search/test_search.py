@@ -37,7 +37,7 @@ class FakeWorker:
 
     def ask(self, order):
         if isinstance(order, Explain):
-            return Explained(order.seed, "kind", "text", [], [], True, "hash", [], [], 0, 0.0)
+            return Explained(order.seed, "kind", "text", [], [], True, "hash", [], [], 0.0)
         assert isinstance(order, Search)
         done = []
         for seed in order.seeds:

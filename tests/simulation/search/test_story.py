@@ -22,7 +22,6 @@ FOUND = Explained(
         Event(1.5, "student", "error", "/pick DEADLINE_EXCEEDED", "client.py:9"),
     ],
     waits=["student waits at client.py:2 for the response of /pick"],
-    first_faults=3,
     failed_at=1.5,
 )
 LINES = {"client.py": ["import taskrpc", "    response = call()"]}
