@@ -10,7 +10,6 @@ import itertools
 import random
 import sys
 import threading
-import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -18,6 +17,7 @@ from typing import Any, Final, Protocol
 
 from taskrpc.simulation.interpreter.stacks import Killed, Stack, Stacks
 from taskrpc.simulation.interpreter.threads import Handle
+from taskrpc.simulation.interpreter.tracebacks import explained
 from taskrpc.spi import current_program
 
 
@@ -296,32 +296,6 @@ class Output(io.TextIOBase):
         """Return the number of the real stream."""
         number: int = self._real.fileno()
         return number
-
-
-def explained(error: BaseException, folder: Path) -> str:
-    """Return an exception with the lines of the user's files only."""
-    told = traceback.TracebackException.from_exception(error)
-    _keep_own_lines(told, str(folder), set())
-    return "".join(told.format())
-
-
-def failed_line(error: BaseException, folder: Path) -> str:
-    """Return the last line of the user's files that an exception passed, with its text."""
-    told = traceback.TracebackException.from_exception(error)
-    own = [frame for frame in told.stack if frame.filename.startswith(str(folder))]
-    if not own:
-        return type(error).__name__
-    return f"{Path(own[-1].filename).name}:{own[-1].lineno}  {own[-1].line}"
-
-
-def _keep_own_lines(told: traceback.TracebackException | None, folder: str, seen: set[int]) -> None:
-    if told is None or id(told) in seen:
-        return
-    seen.add(id(told))
-    own = [frame for frame in told.stack if frame.filename.startswith(folder)]
-    told.stack = traceback.StackSummary.from_list(own)
-    _keep_own_lines(told.__cause__, folder, seen)
-    _keep_own_lines(told.__context__, folder, seen)
 
 
 def own_line(stack: Stack, folder: str) -> tuple[str, int] | None:

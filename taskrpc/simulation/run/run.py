@@ -23,13 +23,12 @@ from taskrpc.simulation.interpreter.programs import (
     Process,
     Source,
     WrongClock,
-    explained,
-    failed_line,
     own_line,
 )
 from taskrpc.simulation.interpreter.refusals import CannotSimulate
 from taskrpc.simulation.interpreter.stacks import Killed, Stop
 from taskrpc.simulation.interpreter.threads import Handle
+from taskrpc.simulation.interpreter.tracebacks import explained, failed_line
 from taskrpc.simulation.interpreter.watchdog import LIMIT, NeverWaits
 from taskrpc.simulation.run import calling, ends
 from taskrpc.simulation.run.choices import Choices

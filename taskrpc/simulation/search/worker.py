@@ -144,7 +144,7 @@ class Worker:
 
 def _read(file: Path) -> Any:
     """Run a scenario's file; returns its `scenario`. Raises TaskRpcError."""
-    from taskrpc.simulation.interpreter.programs import explained
+    from taskrpc.simulation.interpreter.tracebacks import explained
     from taskrpc.simulation.scenario import Scenario
 
     module = ModuleType(file.stem)

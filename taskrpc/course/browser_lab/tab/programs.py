@@ -8,7 +8,6 @@ import io
 import re
 import sys
 import threading
-import traceback
 from collections.abc import Callable, Coroutine, Sequence
 from contextvars import Context
 from pathlib import Path
@@ -16,6 +15,7 @@ from types import ModuleType
 from typing import Any, Final, Self, cast
 
 from taskrpc.course.browser_lab.tab.threads import Scheduler
+from taskrpc.simulation.interpreter import tracebacks
 from taskrpc.simulation.interpreter.threads import Handle
 from taskrpc.spi import close_program, current_program
 
@@ -294,19 +294,7 @@ class _Runner:
 
 def explained(error: BaseException) -> str:
     """An exception with the lines of the student's files only."""
-    told = traceback.TracebackException.from_exception(error)
-    _keep_own_lines(told, set())
-    return "".join(told.format()).replace(f'"{FOLDER}/', '"')
-
-
-def _keep_own_lines(told: traceback.TracebackException | None, seen: set[int]) -> None:
-    if told is None or id(told) in seen:
-        return
-    seen.add(id(told))
-    own = [frame for frame in told.stack if frame.filename.startswith(f"{FOLDER}/")]
-    told.stack = traceback.StackSummary.from_list(own)
-    _keep_own_lines(told.__cause__, seen)
-    _keep_own_lines(told.__context__, seen)
+    return tracebacks.explained(error, FOLDER).replace(f'"{FOLDER}/', '"')
 
 
 def _shut_rclpy_down() -> None:
