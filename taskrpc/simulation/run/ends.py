@@ -69,7 +69,8 @@ class Waiting:
 
 def circle(stacks: Stacks, processes: dict[str, Process]) -> str:
     """Return the threads that wait for each other's locks, "" if there are none."""
-    for begin in stacks.all.values():
+    living = [each for each in stacks.all.values() if not each.is_dead]
+    for begin in [each for each in living if each.program in processes]:  # not of `world.call`
         chain: list[Stack] = []
         stack: Stack | None = begin
         while stack is not None and stack not in chain:

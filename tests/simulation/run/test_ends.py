@@ -122,3 +122,20 @@ def test_line_of_a_call_of_rclpy_is_known_in_a_process_that_simulated_without_rc
         simulated(robot=ROBOT, duration=1).run()
         loaded = simulated("scenario.faults(lose_requests=0.5)", robot=ROS_ROBOT, client=HANGING)
         assert "which it called at client.py:8" in loaded.first_failure().text
+
+
+def test_killed_program_has_no_deadlock(simulated):
+    code = """
+        import threading, time
+        lock = threading.Lock()
+        lock.acquire()
+        threading.Thread(target=lambda: lock.acquire(), daemon=True).start()
+        print("works")
+        lock.acquire()
+        """
+    loaded = simulated("scenario.faults(crash=('a',))", a=code, duration=5)
+    answers = [loaded.search(seed) for seed in range(40)]
+    killed = [each for each in answers if each.coverage.faults]
+    assert killed
+    assert all(each.failed is None for each in killed)
+    assert any(each.failed is not None for each in answers)
