@@ -105,6 +105,7 @@ class Run:
     Args:
         interpreter: the prepared interpreter.
         scenario: what to run.
+        folder: that of the scenario's file; its files are those of the disk.
         sources: the programs' files.
         choices: all chance.
         tells: whether the events name the lines of the programs, and the run keeps the contents of
@@ -115,6 +116,7 @@ class Run:
         self,
         interpreter: Interpreter,
         scenario: Scenario,
+        folder: Path,
         sources: dict[str, Source],
         choices: Choices,
         *,
@@ -129,10 +131,11 @@ class Run:
         self.contents = Contents(lambda: self.now) if tells else None
         self.faults_happened: list[str] = []
         self.failure: Failure | None = None
-        self.disk = Disk(SimulatedWorld.folder, interpreter.cannot)
+        self.disk = Disk(folder, interpreter.cannot)
         self._interpreter = interpreter
         self._stacks = interpreter.stacks
         self._scenario = scenario
+        self._folder = folder
         self._sources = sources
         self._choices = choices
         self._tells = tells
@@ -485,10 +488,10 @@ class Run:
             try:
                 check(self._world)
             except AssertionError as error:
-                line = failed_line(error, self._world.folder)
+                line = failed_line(error, self._folder)
                 self.fail(check.__name__, f"{error}\n{line}" if str(error) else line)
             except Exception as error:
-                self.fail(check.__name__, explained(error, self._world.folder))
+                self.fail(check.__name__, explained(error, self._folder))
 
     def _check_at_end(self) -> None:
         self._network.is_calm = True

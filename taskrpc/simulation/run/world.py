@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any, Protocol
 
 import msgspec
@@ -59,9 +58,6 @@ class Observed(Protocol):
 
 class SimulatedWorld:
     """The state of a run, for the functions of `always` and `finally_`."""
-
-    folder = Path(".")
-    """The folder of the scenario's file."""
 
     def __init__(self, run: Observed) -> None:
         self._run = run

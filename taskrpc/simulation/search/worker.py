@@ -31,6 +31,8 @@ class Worker:
         self._interpreter = interpreters.prepare()
         self._scenario: Any = None
         self._sources: dict[str, Any] = {}
+        self._folder = Path()
+        """The folder of the scenario's file."""
         self._runs = 0
 
     def answer(self, order: Order) -> Answer:
@@ -51,7 +53,6 @@ class Worker:
     def _load(self, file: Path) -> Loaded:
         from taskrpc.simulation.interpreter.programs import Source
         from taskrpc.simulation.run.product import use_product
-        from taskrpc.simulation.run.world import SimulatedWorld
         from taskrpc.simulation.search import protocol
 
         file = file.resolve()  # before the working folder changes
@@ -64,7 +65,7 @@ class Worker:
         finally:
             _forget_modules(folder, known)
         self._sources = {}
-        SimulatedWorld.folder = folder
+        self._folder = folder
         for entry in self._scenario.programs:
             source = Source((folder / entry.file).resolve(), entry.arguments)
             try:
@@ -139,7 +140,9 @@ class Worker:
         if self._runs % _COLLECT_EVERY == 0:
             gc.collect()
         choices = Choices(seed, kept, orderly=orderly)
-        return Run(self._interpreter, self._scenario, self._sources, choices, tells=tells)
+        return Run(
+            self._interpreter, self._scenario, self._folder, self._sources, choices, tells=tells
+        )
 
 
 def _read(file: Path) -> Any:
