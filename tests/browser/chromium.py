@@ -136,6 +136,9 @@ class Tab:
         self.report()
         self._browser.get("about:blank")
         self._browser.get(url)
+        # On a busy machine, chromedriver takes the end of the first page for that of the second.
+        loaded = "return document.readyState === 'complete'"
+        self.wait(lambda: self.run(loaded), f"{url} to be loaded")
 
     def close(self) -> None:
         """Close the tab."""
