@@ -33,6 +33,9 @@ _START = (
 """A program that runs taskrpc-server, also where the scripts are not installed."""
 _POLL = 0.05  # seconds between two looks for the page
 _END_TIMEOUT = 5.0  # seconds that the server gets to end
+_LONGEST_WAIT = 1.0
+"""Seconds after which Ctrl-C has an effect at the latest. Python only records a signal that arrives
+just before a blocking call, and the call does not end."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -119,7 +122,7 @@ def _run_server(options: argparse.Namespace) -> int:
         try:
             _show(_link_of(server), options)
             print("Ctrl-C ends the server", file=sys.stderr, flush=True)
-            return server.wait()
+            return _status_of(server)
         except KeyboardInterrupt:
             return Exit.INTERRUPTED
         finally:
@@ -158,6 +161,13 @@ def _link_of(server: subprocess.Popen[bytes]) -> PageLink:
     if server.poll() is not None:
         raise TaskRpcError("taskrpc-server could not start; the lines above say why")
     raise TaskRpcError(f"taskrpc-server did not serve its page within {START_TIMEOUT:g} s")
+
+
+def _status_of(server: subprocess.Popen[bytes]) -> int:
+    """Wait for the end of a server; returns its exit status."""
+    while True:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return server.wait(_LONGEST_WAIT)
 
 
 def _end(server: subprocess.Popen[bytes]) -> None:

@@ -119,6 +119,20 @@ def test_without_a_server_it_starts_one_and_ends_it(ending, status):
         __import__("socket").create_connection(("127.0.0.1", port), timeout=5)
 
 
+def test_a_signal_just_before_a_wait_for_the_server_is_not_lost():
+    class Server:
+        waits = 0
+
+        def wait(self, timeout=None):
+            self.waits += 1
+            assert timeout is not None, "a wait without an end handles no recorded signal"
+            if self.waits < 3:
+                raise subprocess.TimeoutExpired("taskrpc-server", timeout)
+            return 7
+
+    assert view._status_of(Server()) == 7
+
+
 @pytest.mark.real_time
 def test_server_without_a_page_is_named(capsys):
     command = [sys.executable, "-m", "taskrpc.cli.robot.server.command_line", "--db", ":memory:"]
