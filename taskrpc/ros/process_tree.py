@@ -19,9 +19,9 @@ from typing import Any, cast
 
 from taskrpc.ros.command_line import startable
 
-_DRAIN = 0.2
+_DRAIN = 2.0 if sys.platform == "win32" else 0.2
 """Seconds without output after a program's end until a descendant that keeps its pipes open is
-not waited for."""
+not waited for. Windows may deliver the last output of a program after its end."""
 _DRAINS = 10
 """How often `_DRAIN` is waited while output still arrives."""
 _POLL = 0.05
