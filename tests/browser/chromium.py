@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import contextlib
 import json
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeVar
 
 from selenium import webdriver
-from selenium.common.exceptions import StaleElementReferenceException, TimeoutException
+from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
 from selenium.webdriver.remote.webelement import WebElement
-from selenium.webdriver.support.ui import WebDriverWait
 
 from tests.javascript.packages import node_modules, program
 
@@ -38,8 +38,21 @@ _TAKE = "const all = globalThis.reported ?? []; globalThis.reported = []; return
 _Value = TypeVar("_Value")
 
 
+class Browser(webdriver.Chrome):
+    """A browser that selects a tab only if another one is selected."""
+
+    selected = ""
+    """The handle of the tab that the commands are for."""
+
+    def select(self, handle: str) -> None:
+        """Send the next commands to a tab."""
+        if self.selected != handle:
+            self.switch_to.window(handle)
+            self.selected = handle
+
+
 @contextlib.contextmanager
-def chromium(*arguments: str) -> Iterator[webdriver.Chrome]:
+def chromium(*arguments: str) -> Iterator[Browser]:
     """Start a headless Chromium with additional arguments, and end it."""
     options = webdriver.ChromeOptions()
     options.binary_location = program(
@@ -51,6 +64,8 @@ def chromium(*arguments: str) -> Iterator[webdriver.Chrome]:
         "--no-sandbox",  # needed where the tests run as root
         "--disable-dev-shm-usage",  # containers have a small /dev/shm
         "--hide-scrollbars",
+        # No page may need another machine.
+        "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1, EXCLUDE localhost",
         "--force-color-profile=srgb",
         "--disable-background-timer-throttling",
         "--disable-renderer-backgrounding",
@@ -60,7 +75,7 @@ def chromium(*arguments: str) -> Iterator[webdriver.Chrome]:
     ):
         options.add_argument(argument)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
-    browser = webdriver.Chrome(options=options, service=Service(driver))
+    browser = Browser(options=options, service=Service(driver))
     browser.set_script_timeout(60)
     try:
         yield browser
@@ -71,10 +86,10 @@ def chromium(*arguments: str) -> Iterator[webdriver.Chrome]:
 class Tabs:
     """Opens tabs, and collects the errors and warnings of all of them; closes them at its end."""
 
-    def __init__(self, browser: webdriver.Chrome) -> None:
+    def __init__(self, browser: Browser) -> None:
         self._browser = browser
         self._first = browser.window_handles[0]
-        browser.switch_to.window(self._first)
+        browser.select(self._first)
         self._open: list[Tab] = []
         self._expected: list[str] = []
         self._reports: list[str] = []
@@ -86,7 +101,7 @@ class Tabs:
     def __exit__(self, *_: object) -> None:
         for tab in self._open:
             tab.close()
-        self._browser.switch_to.window(self._first)
+        self._browser.select(self._first)
 
     def open(
         self,
@@ -123,10 +138,10 @@ class Tabs:
 class Tab:
     """One tab. Each method selects it first. An element is named by a CSS selector."""
 
-    def __init__(self, browser: webdriver.Chrome, reports: list[str]) -> None:
+    def __init__(self, browser: Browser, reports: list[str]) -> None:
         browser.switch_to.new_window("window")  # a tab would be hidden behind the next one
         self._browser = browser
-        self._handle = browser.current_window_handle
+        self._handle = browser.selected = browser.current_window_handle
         self._reports = reports
         self.command("Page.enable")
         self.command("Page.addScriptToEvaluateOnNewDocument", source=_WATCH)
@@ -242,16 +257,17 @@ class Tab:
         self, condition: Callable[[], _Value], words: str, patience: float = PATIENCE
     ) -> _Value:
         """Return the first true value of a condition. Fails if that takes too long."""
-        waiting = WebDriverWait(
-            self._browser,
-            patience,
-            poll_frequency=0.05,
-            ignored_exceptions=[StaleElementReferenceException],
-        )
-        try:
-            return waiting.until(lambda _: condition())
-        except TimeoutException:
-            shown = self.run("return document.body.innerText")
+        ends = time.monotonic() + patience
+        pause = 0.02  # grows: to look is expensive for the browser, too
+        while True:
+            with contextlib.suppress(StaleElementReferenceException):
+                if value := condition():
+                    return value
+            if time.monotonic() > ends:
+                break
+            time.sleep(pause)
+            pause = min(1.5 * pause, 0.25)
+        shown = self.run("return document.body.innerText")
         raise AssertionError(f"waited {patience} s for {words}; the page shows:\n{shown}")
 
     # What is wrong
@@ -289,7 +305,7 @@ class Tab:
         ]
 
     def _select(self) -> None:
-        self._browser.switch_to.window(self._handle)
+        self._browser.select(self._handle)
 
     def command(self, name: str, **parameters: Any) -> Any:
         self._select()
