@@ -17,7 +17,7 @@ from taskrpc.course.classroom.authority import make_certificates
 from taskrpc.course.labs.catalogue import lab
 from taskrpc.course.labs.starter import filled
 from taskrpc.course.labs.variants import Variant
-from tests.browser.chromium import PATIENCE, Tabs, chromium
+from tests.browser.chromium import LAPTOP, PATIENCE, Tabs
 from tests.browser.legible import SCHEMES, SIZES, all_faults, faults
 from tests.javascript.pyodide import archives
 from tests.labs.submissions import solution_of
@@ -27,7 +27,6 @@ LONG = 120
 """Seconds until Python is loaded, which the browser compiles first, or until a check has ended."""
 SCROLLED = "#editor, #output_panel .scroll"
 """What a reader of the page scrolls on purpose."""
-NO_NETWORK = "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1"
 
 ASYNC_SERVER = """
 import srvgen, taskrpc
@@ -70,12 +69,16 @@ rclpy.shutdown()
 class LabPage:
     """The page in a tab."""
 
-    def __init__(self, tab):
+    def __init__(self, tab, *, state="Ready"):
         self.tab = tab
-        self.waits_for_state("Ready", LONG)
+        self.waits_for_state(state, LONG)
 
     def waits_for_state(self, words, patience=PATIENCE):
         self.tab.wait(lambda: self.tab.text("#state") == words, f"the state {words}", patience)
+
+    def show(self, number, version="rclpy"):
+        """Choose a lab and its version."""
+        self.tab.run("page.open(arguments[0]); page.open_version(arguments[1])", number, version)
 
     def write(self, file, text):
         """Replace the text of a file, as a student does."""
@@ -137,12 +140,29 @@ def class_server(files, tmp_path):
         thread.join()
 
 
+@pytest.fixture(scope="module")
+def shared_tabs(browser):
+    with Tabs(browser) as tabs:
+        yield tabs
+
+
+@pytest.fixture(scope="module")
+def shared_page(shared_tabs, lab_server):
+    """One page for most tests: it has the next Python ready when a test needs one."""
+    return LabPage(shared_tabs.open(lab_server.url))
+
+
 @pytest.fixture
-def page(tabs, lab_server):
-    page = LabPage(tabs.open(lab_server.url))
-    page.tab.run("localStorage.clear()")
-    yield page
-    page.tab.run("localStorage.clear()")
+def page(shared_tabs, shared_page):
+    """The page with the starter files of lab 1; its next run begins in a new Python."""
+    tab = shared_page.tab
+    tab.run("localStorage.clear()")
+    tab.size(*LAPTOP)
+    tab.prefer()
+    shared_page.show(1)
+    yield shared_page
+    tab.run("localStorage.clear()")
+    assert shared_tabs.problems() == []
 
 
 def test_server_and_client_of_lab_1_run_together_and_pass_the_check(page):
@@ -157,16 +177,13 @@ def test_server_and_client_of_lab_1_run_together_and_pass_the_check(page):
 
 
 @pytest.mark.parametrize("number", [2, 3])
-def test_solutions_of_the_other_labs_pass_the_check(tabs, lab_server, number):
-    page = LabPage(tabs.open(f"{lab_server.url}?lab={number}"))
+def test_solutions_of_the_other_labs_pass_the_check(page, number):
+    page.show(number)
     source, values = solution_of(number), lab(number).values(Variant())
     for path in (each for each in sorted(source.rglob("*")) if each.is_file()):
         name = filled(path.relative_to(source).as_posix(), values)
         page.write(name, filled(path.read_text(encoding="utf-8"), values))
-    try:
-        assert page.check()[-1] == f"All {len(lab(number).checks)} checks passed."
-    finally:
-        page.tab.run("localStorage.clear()")
+    assert page.check()[-1] == f"All {len(lab(number).checks)} checks passed."
 
 
 def test_a_wrong_program_gets_a_message_that_can_be_read_and_says_what_was_expected(page):
@@ -218,15 +235,25 @@ def test_an_endless_loop_can_be_stopped_and_the_page_works_on(page):
     page.waits_for_line("server", "again")
 
 
-def test_a_reload_keeps_the_programs_until_the_student_starts_again(page, lab_server):
-    starter = page.tab.run("return document.getElementById('code').value")
-    page.write("server.py", "# mine\n")
-    page.tab.open(lab_server.url)
-    page = LabPage(page.tab)
-    assert page.tab.run("return document.getElementById('code').value") == "# mine\n"
-    page.tab.click("#reset")
-    page.tab.click("#reset_yes")
-    assert page.tab.run("return document.getElementById('code').value") == starter
+def test_a_reload_keeps_the_programs_until_the_student_starts_again_also_without_python(
+    tabs, lab_server
+):
+    code = "return document.getElementById('code')?.value"
+    tab = tabs.open("about:blank")
+    tab.command("Network.enable")
+    tab.command("Network.setBlockedURLs", urls=["*/pyodide.asm.wasm"])  # Python takes long to load
+    tabs.expect("pyodide.asm.wasm", "Failed to fetch")
+    tab.open(f"{lab_server.url}?lab=2")
+    page = LabPage(tab, state="Python could not be loaded")
+    assert tab.run("return document.getElementById('lab').value") == "2"
+    starter = tab.run(code)
+    page.write(tab.run("return page.file"), "# mine\n")
+    tab.open(tab.url)
+    page.waits_for_state("Python could not be loaded")
+    assert tab.run(code) == "# mine\n"
+    tab.click("#reset")
+    tab.click("#reset_yes")
+    assert tab.run(code) == starter
 
 
 def test_the_robot_drives_to_a_click_on_the_map(page):
@@ -247,14 +274,14 @@ def test_the_page_is_accessible_and_each_lab_can_be_read(page):
     found = []
     for version in ("rclpy", "async"):
         for number in (1, 2, 3):
-            page.tab.run(
-                "page.open(arguments[0]); page.open_version(arguments[1])", number, version
-            )
+            page.show(number, version)
             found += all_faults(page.tab, f"lab {number}", version, scrolled=SCROLLED)
     assert not found, "\n".join(found)
 
 
-def test_without_jspi_and_network_a_static_server_offers_the_asynchronous_lab(files, tmp_path):
+def test_without_jspi_and_network_a_static_server_offers_the_asynchronous_lab(
+    tabs, files, tmp_path
+):
     write_site(tmp_path, files)
 
     class Handler(http.server.SimpleHTTPRequestHandler):
@@ -266,27 +293,23 @@ def test_without_jspi_and_network_a_static_server_offers_the_asynchronous_lab(fi
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
         try:
-            with chromium(NO_NETWORK) as browser, Tabs(browser) as tabs:
-                page = LabPage(tabs.open(f"http://127.0.0.1:{server.server_port}/?async"))
-                assert "Chromium from version 137" in page.tab.text("#banner")
-                assert "async def main" in page.tab.run(
-                    "return document.getElementById('code').value"
-                )
-                page.write("server.py", ASYNC_SERVER)
-                starter = page.tab.run("return page.files.starter('client.py')")
-                page.write(
-                    "client.py",
-                    starter.replace(
-                        "        # 7.",
-                        "        await client.wait_for_service()\n        response = await"
-                        " client.call(AddTwoInts.Request(a=a, b=b))\n        # 7.",
-                    ),
-                )
-                page.tab.click("#run")
-                page.waits_for_line("client", "2 + 3 = 5")
-                findings = page.check()
-                assert findings[-1] == "All 5 checks passed.", findings
-                assert tabs.problems() == []
+            page = LabPage(tabs.open(f"http://127.0.0.1:{server.server_port}/?async"))
+            assert "Chromium from version 137" in page.tab.text("#banner")
+            assert "async def main" in page.tab.run("return document.getElementById('code').value")
+            page.write("server.py", ASYNC_SERVER)
+            starter = page.tab.run("return page.files.starter('client.py')")
+            page.write(
+                "client.py",
+                starter.replace(
+                    "        # 7.",
+                    "        await client.wait_for_service()\n        response = await"
+                    " client.call(AddTwoInts.Request(a=a, b=b))\n        # 7.",
+                ),
+            )
+            findings = page.check()
+            assert findings[-1] == "All 5 checks passed.", findings
+            page.tab.click("#run")
+            page.waits_for_line("client", "2 + 3 = 5")
         finally:
             server.shutdown()
             thread.join()
@@ -301,9 +324,12 @@ def test_a_class_with_an_accepted_certificate_loads_the_large_files_once(
         server_module._Handler, "log_request", lambda self, *_: sent.append(self.path)
     )
     page = LabPage(tabs.open(class_server.url, any_certificate=True))
-    page.write_solution()
-    for _ in range(2):
-        assert page.check()[-1] == "All 5 checks passed."
+    for number in range(2):
+        page.write("server.py", f"print('run {number}')\n")
+        page.write("client.py", "")
+        page.tab.click("#run")
+        page.waits_for_line("server", f"run {number}")
+        page.waits_for_state("Ready", LONG)
     loaded = [path for path in sent if path.endswith((".wasm", ".zip", ".whl", ".json"))]
     assert "/pyodide/pyodide.asm.wasm" in loaded
     assert sorted(loaded) == sorted(set(loaded))
