@@ -51,6 +51,24 @@ def start_server(tmp_path):
         server.end()
 
 
+@pytest.fixture(scope="module")
+def module_places(tmp_path_factory):
+    """The runtime and state folders of the servers that the tests of a module share."""
+    places = {}
+    for name in ("runtime", "state"):
+        folder = tmp_path_factory.mktemp(name)
+        folder.chmod(0o700)
+        places[f"XDG_{name.upper()}_{'DIR' if name == 'runtime' else 'HOME'}"] = str(folder)
+    return places
+
+
+@pytest.fixture
+def in_module_places(module_places, monkeypatch):
+    """Lets the test's programs find the servers that the tests of a module share."""
+    for name, folder in module_places.items():
+        monkeypatch.setenv(name, folder)
+
+
 @pytest.fixture
 def services():
     """Calls the services of the task server, as the node `ada`."""
