@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from selenium import webdriver
-from selenium.common.exceptions import StaleElementReferenceException
+from selenium.common.exceptions import JavascriptException, StaleElementReferenceException
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
@@ -39,10 +39,12 @@ _Value = TypeVar("_Value")
 
 
 class Browser(webdriver.Chrome):
-    """A browser that selects a tab only if another one is selected."""
+    """A browser that selects a tab only if another one is selected, and keeps empty tabs."""
 
     selected = ""
     """The handle of the tab that the commands are for."""
+    empty: list[str]
+    """The handles of the tabs that earlier tests have left."""
 
     def select(self, handle: str) -> None:
         """Send the next commands to a tab."""
@@ -70,6 +72,9 @@ def chromium(*arguments: str) -> Iterator[Browser]:
         "--disable-background-timer-throttling",
         "--disable-renderer-backgrounding",
         "--disable-backgrounding-occluded-windows",
+        # Processes for pages that nobody opens or returns to take longer to start than most tests.
+        "--disable-features="
+        "BackForwardCache,ProactivelySwapBrowsingInstance,SpareRendererForSitePerProcess",
         f"--window-size={LAPTOP[0]},{LAPTOP[1]}",
         *arguments,
     ):
@@ -77,6 +82,7 @@ def chromium(*arguments: str) -> Iterator[Browser]:
     options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
     browser = Browser(options=options, service=Service(driver))
     browser.set_script_timeout(60)
+    browser.empty = []
     try:
         yield browser
     finally:
@@ -84,7 +90,7 @@ def chromium(*arguments: str) -> Iterator[Browser]:
 
 
 class Tabs:
-    """Opens tabs, and collects the errors and warnings of all of them; closes them at its end."""
+    """Opens tabs, and collects the errors and warnings of all of them; empties them at its end."""
 
     def __init__(self, browser: Browser) -> None:
         self._browser = browser
@@ -100,7 +106,7 @@ class Tabs:
 
     def __exit__(self, *_: object) -> None:
         for tab in self._open:
-            tab.close()
+            tab.leave()
         self._browser.select(self._first)
 
     def open(
@@ -139,26 +145,35 @@ class Tab:
     """One tab. Each method selects it first. An element is named by a CSS selector."""
 
     def __init__(self, browser: Browser, reports: list[str]) -> None:
-        browser.switch_to.new_window("window")  # a tab would be hidden behind the next one
         self._browser = browser
-        self._handle = browser.selected = browser.current_window_handle
         self._reports = reports
+        self._is_empty = True
+        if browser.empty:  # a new one takes as long as most pages take to load
+            self._handle = browser.empty.pop()
+            return
+        browser.switch_to.new_window("window")  # a tab would be hidden behind the next one
+        self._handle = browser.selected = browser.current_window_handle
         self.command("Page.enable")
         self.command("Page.addScriptToEvaluateOnNewDocument", source=_WATCH)
 
     def open(self, url: str) -> None:
         """Load a page from the beginning, also if only the fragment of its URL differs."""
         self.report()
-        self._browser.get("about:blank")
+        if not self._is_empty:
+            self._browser.get("about:blank")
+        self._is_empty = False
         self._browser.get(url)
         # On a busy machine, chromedriver takes the end of the first page for that of the second.
         loaded = "return document.readyState === 'complete'"
         self.wait(lambda: self.run(loaded), f"{url} to be loaded")
 
-    def close(self) -> None:
-        """Close the tab."""
-        self._select()
-        self._browser.close()
+    def leave(self) -> None:
+        """Leave the page, and keep the empty tab for a later test."""
+        with contextlib.suppress(JavascriptException):  # an empty page has no storage
+            self.run("sessionStorage.clear()")
+        self.command("Network.disable")
+        self._browser.get("about:blank")
+        self._browser.empty.append(self._handle)
 
     @property
     def url(self) -> str:
