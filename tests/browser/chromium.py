@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from selenium import webdriver
-from selenium.common.exceptions import JavascriptException, StaleElementReferenceException
+from selenium.common.exceptions import StaleElementReferenceException
 from selenium.webdriver.chrome.service import Service
 from selenium.webdriver.common.action_chains import ActionChains
 from selenium.webdriver.common.by import By
@@ -169,8 +169,7 @@ class Tab:
 
     def leave(self) -> None:
         """Leave the page, and keep the empty tab for a later test."""
-        with contextlib.suppress(JavascriptException):  # an empty page has no storage
-            self.run("sessionStorage.clear()")
+        self.run("try { sessionStorage.clear() } catch {}")  # some pages have none
         self.command("Network.disable")
         self._browser.get("about:blank")
         self._browser.empty.append(self._handle)
@@ -285,6 +284,13 @@ class Tab:
         shown = self.run("return document.body.innerText")
         raise AssertionError(f"waited {patience} s for {words}; the page shows:\n{shown}")
 
+    def drawn(self) -> None:
+        """Wait until the page shows what its scripts have changed, such as rows that now fit."""
+        self.run_async(
+            "await document.fonts.ready;"
+            "await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
+        )
+
     # What is wrong
 
     def violations(self) -> list[str]:
@@ -296,6 +302,7 @@ class Tab:
             source = (node_modules() / "axe-core" / "axe.min.js").read_text(encoding="utf-8")
             # The debugger may evaluate it: the page's policy allows scripts of the server only.
             self.command("Runtime.evaluate", expression=source)
+        self.drawn()
         found = json.loads(
             self.run_async("""
                 for (const each of document.getAnimations())

@@ -17,10 +17,7 @@ def faults(tab: Tab, scrolled: str = "") -> list[str]:
 
     `scrolled` is a selector of the parts that a reader scrolls on purpose, such as an editor.
     """
-    tab.run_async(
-        "await document.fonts.ready;"
-        "await new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))"
-    )
+    tab.drawn()
     return list(tab.run(_FAULTS, scrolled))
 
 

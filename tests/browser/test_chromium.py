@@ -108,6 +108,24 @@ def test_text_that_is_still_appearing_is_no_barrier(tabs):
         assert tab.violations() == []
 
 
+# A picture that gets its text with the next but one frame for which a script waits.
+_TEXT_COMES_LATE = """
+    const [picture, next] = [document.querySelector("img"), requestAnimationFrame];
+    let frames = 0;
+    globalThis.requestAnimationFrame = drawn => next(time => {
+        if (++frames === 2) picture.alt = "";
+        drawn(time);
+    });
+"""
+
+
+def test_change_that_comes_with_the_next_frames_is_waited_for(tabs):
+    with served("<img src='data:image/gif;base64,R0lGODlhAQABAAAAACw='>") as url:
+        tab = tabs.open(url)
+        tab.run(_TEXT_COMES_LATE)
+        assert tab.violations() == []
+
+
 def test_media_features_and_sizes_are_set(tabs):
     with served() as url:
         tab = tabs.open(url, size=(390, 844), color_scheme="dark", reduced_motion="reduce")
