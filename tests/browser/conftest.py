@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 import pytest
@@ -60,6 +61,28 @@ def module_places(tmp_path_factory):
         folder.chmod(0o700)
         places[f"XDG_{name.upper()}_{'DIR' if name == 'runtime' else 'HOME'}"] = str(folder)
     return places
+
+
+@pytest.fixture(scope="module")
+def start_for_module(module_places, tmp_path_factory):
+    """Starts task servers that the tests of a module share: these only look at the tasks.
+
+    `submit` gets the services of the server, to queue tasks before the first test.
+    """
+    with contextlib.ExitStack() as stack:
+
+        def start(*options, submit=None):
+            with pytest.MonkeyPatch.context() as patch:
+                for name, folder in module_places.items():
+                    patch.setenv(name, folder)
+                server = TaskServer(tmp_path_factory.mktemp("server"), *options)
+                stack.callback(server.end)
+                if submit is not None:
+                    with Services() as services:
+                        submit(services)
+            return server
+
+        yield start
 
 
 @pytest.fixture

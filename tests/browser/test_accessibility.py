@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import time
 
 import pytest
 
 from tests.browser.chromium import LAPTOP, PHONE
 from tests.browser.legible import SCHEMES
-from tests.browser.task_server import Services, TaskServer
 
 KEY = {"Enter": "\ue007", "Escape": "\ue00c", "Tab": "\ue004", "Down": "\ue015", "Up": "\ue013"}
 KEY |= {"Right": "\ue014", "Delete": "\ue017", "Space": " "}
@@ -22,25 +20,20 @@ LOOKS = {
 }
 
 
-@pytest.fixture(scope="module")
-def busy_server(tmp_path_factory, module_places):
-    """A server with tasks of every kind: ended, interrupted by a cancel, running and queued.
+def submit(services):
+    """Queue tasks of every kind: ended, interrupted by a cancel, running and queued."""
+    services.submit("move", "dock", 10)  # the robot is there, so it has ended at once
+    for target, priority in (("station_1", 8), ("area_a", 5), ("central", 3)):
+        services.submit("scan", target, priority)
+    services.call("/cancel", task_id=3)
+    while services.show(1).state != "SUCCEEDED":
+        time.sleep(0.05)
 
-    The tests look at it and change nothing. Its robot is so slow that task 2 runs until their end.
-    """
-    with pytest.MonkeyPatch.context() as patch, contextlib.ExitStack() as stack:
-        for name, folder in module_places.items():
-            patch.setenv(name, folder)
-        server = TaskServer(tmp_path_factory.mktemp("busy"), "--speed", "0.01")
-        stack.callback(server.end)
-        with Services() as services:
-            services.submit("move", "dock", 10)  # the robot is there
-            for target, priority in (("station_1", 8), ("area_a", 5), ("central", 3)):
-                services.submit("scan", target, priority)
-            services.call("/cancel", task_id=3)
-            while services.show(1).state != "SUCCEEDED":
-                time.sleep(0.05)
-        yield server
+
+@pytest.fixture(scope="module")
+def busy_server(start_for_module):
+    """A server whose robot is so slow that task 2 runs until the end of the tests."""
+    return start_for_module("--speed", "0.01", submit=submit)
 
 
 @pytest.fixture

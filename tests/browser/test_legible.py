@@ -15,44 +15,50 @@ LOOKS = {
 TARGETS = ("1.2,1.2", "warehouse", "station_1", "central", "area_a", "dock")
 
 
+def submit(services):
+    """Queue more tasks than fit; one of them ends."""
+    for number in range(24):
+        services.submit("scan", TARGETS[number % len(TARGETS)], 1 + number % 10)
+    services.call("/cancel", task_id=4)
+
+
+@pytest.fixture(scope="module")
+def busy_server(start_for_module):
+    """A server with a task that runs until the end of the tests, an ended one, and waiting ones."""
+    return start_for_module("--speed", "0.01", submit=submit)
+
+
 @pytest.fixture
-def start_busy(start_server, services):
-    """Start a server with a task that runs, an ended one, and more waiting tasks than fit."""
-
-    def start():
-        server = start_server("--speed", "0.05")
-        for number in range(24):
-            services.submit("scan", TARGETS[number % len(TARGETS)], 1 + number % 10)
-        services.call("/cancel", task_id=4)
-        return server
-
-    return start
+def busy(busy_server, in_module_places):
+    """The server with many tasks, for a test that changes nothing."""
+    return busy_server
 
 
-@pytest.mark.parametrize("look", LOOKS)
-def test_page_without_tasks_can_be_read(start_server, open_page, look):
-    page = open_page(start_server(), size=SIZES["projector"], **LOOKS[look])
-    found = all_faults(page.tab, look)
-    assert not found, "\n".join(found)
+def test_page_without_tasks_can_be_read(start_server, open_page):
+    server = start_server()
+    for look, settings in LOOKS.items():
+        page = open_page(server, size=SIZES["projector"], **settings)
+        found = all_faults(page.tab, look)
+        assert not found, "\n".join(found)
 
 
 @pytest.mark.parametrize("look", LOOKS)
-def test_page_with_many_tasks_can_be_read(start_busy, services, open_page, look):
-    page = open_page(start_busy(), size=SIZES["projector"], **LOOKS[look])
+def test_page_with_many_tasks_can_be_read(busy, services, open_page, look):
+    page = open_page(busy, size=SIZES["projector"], **LOOKS[look])
     page.agrees(services, until=lambda shown: shown.running is not None and len(shown.ended) == 1)
     found = all_faults(page.tab, look)
     assert not found, "\n".join(found)
 
 
-def test_phone_shows_all_tasks_because_the_page_scrolls(start_busy, services, open_page):
-    page = open_page(start_busy(), size=PHONE, control=True)
+def test_phone_shows_all_tasks_because_the_page_scrolls(busy, services, open_page):
+    page = open_page(busy, size=PHONE, control=True)
     page.agrees(services, until=lambda shown: len(shown.queue) == 22)
     assert len([row for row in page.tab.all("#queue .row") if row.is_displayed()]) == 22
     assert not page.tab.shows("#queue_more:not(:empty)")
 
 
-def test_button_shows_the_tasks_that_do_not_fit(start_busy, services, open_page):
-    page = open_page(start_busy(), size=SIZES["laptop"])
+def test_button_shows_the_tasks_that_do_not_fit(busy, services, open_page):
+    page = open_page(busy, size=SIZES["laptop"])
     tab = page.tab
     page.agrees(services, until=lambda shown: len(shown.queue) == 22)
     shown = "return [...document.querySelectorAll('#queue .row')].filter(e => !e.hidden).length"
@@ -87,8 +93,8 @@ PLANTED = {
 
 
 @pytest.mark.parametrize("planted", PLANTED)
-def test_measuring_finds_a_planted_fault(start_busy, services, open_page, planted):
-    tab = open_page(start_busy(), size=SIZES["projector"], query="?projector").tab
+def test_measuring_finds_a_planted_fault(busy, services, open_page, planted):
+    tab = open_page(busy, size=SIZES["projector"], query="?projector").tab
     tab.wait(lambda: tab.shows("#now_title"), "the task that runs")
     assert faults(tab) == []
     tab.run(f"const find = css => document.querySelector(css); {PLANTED[planted]}")

@@ -75,7 +75,7 @@ def test_five_hundred_tasks_of_sixty_clients_keep_the_page_small(
 def test_page_does_not_grow_while_tasks_come_and_go(start_server, services, open_page):
     page = open_page(start_server("--speed", "1000", "--settle", "0"))
     sizes = []
-    for _ in range(4):
+    for _ in range(3):
         last = [services.submit("move", target) for target in ("1,1", "1.1,1.1") * 40][-1]
         page.agrees(services, until=lambda shown: shown.ended and shown.ended[0][0] == last)  # noqa: B023
         drawn = "#calls .moving > g:first-of-type > *"

@@ -13,6 +13,7 @@ import pytest
 from taskrpc.observe.recording.mcap_file import Recording
 from taskrpc.observe.recording.timeline import Timeline
 from tests.browser.chromium import LAPTOP, PHONE
+from tests.browser.legible import SCHEMES
 from tests.browser.live_page import LivePage, Shown
 from tests.browser.task_server import Services, TaskServer
 from tests.cli.ros.bag.conftest import recording  # noqa: F401 (calls without a task server)
@@ -41,23 +42,34 @@ def run(tmp_path_factory):
     return folder / "run.mcap"
 
 
-@pytest.fixture
-def view(tabs):
-    """Opens the page of `taskrpc view FILE` and waits until it plays."""
+@pytest.fixture(scope="module")
+def link_to():
+    """Starts `taskrpc view FILE` once for each file, and returns the link to its page."""
+    links = {}
     with contextlib.ExitStack() as stack:
 
-        def _view(path, *, query="", **settings):
-            command = [sys.executable, "-m", "taskrpc", "view", str(path), "--no-browser"]
-            viewing = stack.enter_context(
-                subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-            )
-            stack.callback(viewing.kill)
-            link = viewing.stdout.readline().split()[-1]
-            page = LivePage(tabs.open(link + query, **settings))
-            page.tab.wait(lambda: page.tab.shows("#timeline"), "the time line")
-            return page
+        def _link_to(path):
+            if path not in links:
+                command = [sys.executable, "-m", "taskrpc", "view", str(path), "--no-browser"]
+                pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+                viewing = stack.enter_context(subprocess.Popen(command, **pipes, text=True))
+                stack.callback(viewing.kill)
+                links[path] = viewing.stdout.readline().split()[-1]
+            return links[path]
 
-        yield _view
+        yield _link_to
+
+
+@pytest.fixture
+def view(tabs, link_to):
+    """Opens the page of `taskrpc view FILE` and waits until it plays."""
+
+    def _view(path, *, query="", **settings):
+        page = LivePage(tabs.open(link_to(path) + query, **settings))
+        page.tab.wait(lambda: page.tab.shows("#timeline"), "the time line")
+        return page
+
+    return _view
 
 
 @pytest.fixture
@@ -217,12 +229,7 @@ def test_details_before_the_end_of_a_task_have_no_result(run, view, timeline):
     assert "Result" not in page.tab.text("#task_dialog")
 
 
-LOOKS = {
-    "light": {"color_scheme": "light"},
-    "dark": {"color_scheme": "dark"},
-    "projector": {"query": "?projector"},
-    "phone": {"size": PHONE},
-}
+LOOKS = {"plain": {}, "projector": {"query": "?projector"}, "phone": {"size": PHONE}}
 
 
 @pytest.mark.parametrize("look", LOOKS)
@@ -230,13 +237,16 @@ def test_axe_finds_no_violation(run, view, timeline, look):
     page = view(run, **LOOKS[look])
     seek(page, timeline, 0.6)
     page.tab.run("document.getElementById('done').open = true")
-    assert page.tab.violations() == []
+    for scheme in SCHEMES:
+        page.tab.prefer(color_scheme=scheme)
+        assert page.tab.violations() == [], scheme
 
 
-@pytest.mark.parametrize("size", [LAPTOP, PHONE, (320, 640)], ids=["laptop", "phone", "narrow"])
-def test_nothing_needs_horizontal_scrolling(run, view, size):
-    page = view(run, size=size)
-    assert page.tab.run("return document.documentElement.scrollWidth") <= size[0]
+def test_nothing_needs_horizontal_scrolling(run, view):
+    tab = view(run).tab
+    for size in (LAPTOP, PHONE, (320, 640)):
+        tab.size(*size)
+        assert tab.run("return document.documentElement.scrollWidth") <= size[0]
 
 
 def test_unfinished_recording_says_so_on_the_page(run, view, tmp_path):

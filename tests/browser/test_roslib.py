@@ -83,10 +83,15 @@ def other_server():
         thread.join()
 
 
+@pytest.fixture(scope="module")
+def server(start_for_module):
+    """The task server of the pages that `tab` opens."""
+    return start_for_module("--speed", "0.01")
+
+
 @pytest.fixture(params=["1", "2"], ids=["roslib 1", "roslib 2"])
-def tab(request, other_server, start_server, tabs):
+def tab(request, other_server, server, in_module_places, tabs):
     """A page of the other server that is connected to a task server."""
-    server = start_server("--speed", "0.05")
     tab = tabs.open(f"{other_server}/{request.param}")
     tab.wait(lambda: tab.run("return typeof lib === 'object'"), "roslib")
     tab.run_async(_CONNECT, server.url.replace("http", "ws"))
@@ -123,7 +128,8 @@ def test_page_gets_messages_of_a_topic(tab, services):
     task_id = services.submit("move", "station_1")
     tab.wait(
         lambda: tab.run(
-            "return got.some(message => JSON.stringify(message).includes('station_1'))"
+            "return got.some(message => JSON.stringify(message).includes(arguments[0]))",
+            f'"task_id":{task_id},',
         ),
         f"an event of task {task_id}",
     )

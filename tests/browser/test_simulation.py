@@ -10,7 +10,7 @@ from taskrpc.simulation.interpreter.loop import FIRST_DAY
 from taskrpc.simulation.run.trace import Event
 from taskrpc.simulation.search.protocol import Contents, Explained, ToldCall
 from taskrpc.simulation.search.recording import write
-from tests.browser.test_recording import pause, view  # noqa: F401 (a fixture)
+from tests.browser.test_recording import link_to, pause, view  # noqa: F401 (fixtures)
 
 BEGIN, END = 0.0, 4.0
 LOST, KILLED, AGAIN, FAILED = 0.5, 2.0, 3.0, END
