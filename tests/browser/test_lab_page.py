@@ -267,6 +267,21 @@ def test_the_robot_drives_to_a_click_on_the_map(page):
     page.tab.wait(lambda: page.tab.text("#pose") != before, "the robot to move")
 
 
+# The frames for which the page asks while sixty are drawn.
+_ASKED = """
+    let asked = 0;
+    const next = requestAnimationFrame;
+    globalThis.requestAnimationFrame = drawn => { asked += 1; return next(drawn); };
+    for (let i = 0; i < 60; i++) await new Promise(next);
+    globalThis.requestAnimationFrame = next;
+    return asked;
+"""
+
+
+def test_page_that_nobody_uses_does_not_draw_each_frame(page):
+    assert page.tab.run_async(_ASKED) < 30
+
+
 def test_the_page_is_accessible_and_each_lab_can_be_read(page):
     for theme in SCHEMES:
         page.tab.prefer(color_scheme=theme)

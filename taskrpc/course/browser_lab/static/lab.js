@@ -9,6 +9,7 @@ import { Runtime } from "./runtime.js";
 import { Files } from "./store.js";
 import { setUpTheme } from "./theme.js";
 
+const TICK = 250; // milliseconds between two updates while no event comes
 const SILENCE = 4000; // milliseconds without a sign of life after which the page explains Stop
 const WITHOUT_SWITCHING = "This browser cannot wait inside a plain function, as rclpy does (it lacks JSPI, stack switching for WebAssembly). So the asynchronous version of the lab is shown: async def and await, with taskrpc's own API. The rclpy version runs in Chrome, Edge and Chromium from version 137.";
 
@@ -39,7 +40,8 @@ class Page {
     this.runtime = new Runtime((event) => this.received(event));
     this.open(Number(query.get("lab")) || labs[0].number);
     this.show_state();
-    this.frame();
+    this.requested = 0;
+    setInterval(() => this.wake(), TICK);
   }
 
   // The lab and its files
@@ -174,6 +176,7 @@ class Page {
     this.heard_at = performance.now();
     this[`on_${event}`]?.(values);
     this.show_state();
+    this.wake();
   }
 
   on_ready({ can_wait }) {
@@ -287,14 +290,19 @@ class Page {
     this.show_buttons();
   }
 
+  /** Draw at the next frame; between two of them, the style sheet moves the robot. */
+  wake() {
+    this.requested ||= requestAnimationFrame(() => this.frame());
+  }
+
   frame() {
+    this.requested = 0;
     if (this.model.changed.size) {
       this.map.update(this.model.changed);
       this.model.changed = new Set();
     }
     this.map.frame(this.model.now());
     if (this.running.size || this.busy) this.show_state();
-    requestAnimationFrame(() => this.frame());
   }
 }
 
