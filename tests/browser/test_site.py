@@ -62,9 +62,10 @@ _SHOW = """
 _TOO_WIDE = """
     const tables = [...document.querySelectorAll(".md-typeset table:not([class])")];
     const isTooWide = e => e.scrollWidth > e.closest(".md-typeset__scrollwrap").clientWidth + 1;
+    const page = document.documentElement; // on a phone, innerWidth grows with the contents
     const columns = table => table.rows[0].cells.length;
     const faults = tables.filter(isTooWide).map(columns);
-    return [document.documentElement.scrollWidth - innerWidth, faults];
+    return [page.scrollWidth - page.clientWidth, faults];
 """
 
 

@@ -32,7 +32,7 @@ return alpha === 255 && green > red && green > blue;
 _FILTER = "return getComputedStyle(document.querySelector('main')).filter"
 _PAPER = "return getComputedStyle(document.getElementById('paper')).backgroundColor"
 _BACK = "return getComputedStyle(document.body).backgroundColor"
-_OVERFLOW = "return document.documentElement.scrollWidth - innerWidth"
+_OVERFLOW = "const page = document.documentElement; return page.scrollWidth - page.clientWidth"
 
 
 @pytest.fixture
