@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Protocol
 
 import msgspec
 
+from taskrpc.core.execution.callbacks import end_program
 from taskrpc.core.request_ids.ids import RequestCounter
 from taskrpc.core.transport.connection.connection import Connection, Owner
 from taskrpc.core.transport.connection.deadline_timer import CHECK_LATE, TICK
@@ -215,7 +216,7 @@ class CallingConnection(Connection):
             self.transport.write(frame)
         else:
             session.out.append(frame)
-            if is_first or not self._flush_planned:
+            if not self.in_turn and (is_first or not self._flush_planned):
                 self._flush_request(size)
 
     @property
@@ -280,11 +281,31 @@ class CallingConnection(Connection):
             if self._splitter.large is None:
                 data = self._read_buffer[:nbytes].tobytes()
                 found, rest = session.responses(data, nbytes)
+                # What several callers send now is written together; one caller writes at once.
+                self.in_turn = bool(rest or found[1:])
                 for call, body in found:
+                    future = call.future
                     try:  # as in `answered`
-                        call.future.set_result(call.decode(body))
+                        message = call.decode(body)
+                        if (
+                            future.__class__ is asyncio.Future
+                            and self.resumes_at_once
+                            and (waiting := future._callbacks)
+                            and not waiting[1:]
+                        ):
+                            # asyncio would resume the caller in the next turn of the event loop,
+                            # which costs a tenth of the call, a quarter if it is the only one.
+                            ((resume, context),) = waiting
+                            future.remove_done_callback(resume)
+                            future.set_result(message)
+                            context.run(resume, future)
+                        else:
+                            future.set_result(message)
                     except (InvalidRequest, ProtocolError, asyncio.InvalidStateError):
                         call.answered(body)  # decoded again, to report the error
+                    except (SystemExit, KeyboardInterrupt) as error:
+                        # Not raised here: uvloop swallows errors of a protocol.
+                        self.owner.loop.call_soon(end_program, error)
                 if rest:
                     self.handle(session.feed(rest))
             else:
@@ -332,6 +353,8 @@ class CallingConnection(Connection):
     serves = False
     writes_at_once: ClassVar = True
     """Whether a request may be written without `flush`."""
+    resumes_at_once: ClassVar = True
+    """Whether a caller continues while the read that has its response is handled."""
     handlers: ClassVar = {
         ResponseReceived: _answered,
         ErrorReceived: _failed,

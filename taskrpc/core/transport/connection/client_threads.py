@@ -137,6 +137,7 @@ class ThreadedConnection(CallingConnection):
     __slots__ = ("_lock", "_thread_socket")
 
     writes_at_once = False
+    resumes_at_once = False  # a caller that continues must not hold the lock
 
     def __init__(self, owner: Owner, me: Identity, on_advertised: Callable[[], object]) -> None:
         self._thread_socket = ThreadSocket()
