@@ -23,7 +23,7 @@ from taskrpc.core.execution.callbacks import (
     end_program,
     run_to_end,
 )
-from taskrpc.core.execution.eager_start import EagerStarter
+from taskrpc.core.execution.eager_start import Begun, EagerStarter
 from taskrpc.core.execution.fair_queue import FairQueue
 from taskrpc.core.request_ids.ids import CompletionStore
 from taskrpc.core.security.roles import Role
@@ -98,13 +98,18 @@ class Service:
         self.service_name = name
         self._callback = callback
         self._waiting: FairQueue[IncomingCall] = FairQueue()
+        self._loop = asyncio.get_running_loop()
+        self._starter = EagerStarter(self._loop, self._held_loop)
         self._load = PlainService(
             callback=callback,
             response=srv_type.Response,
             concurrency=concurrency,
             waiting=self._waiting,
             returned=self._continue,
+            answered=self._answer,
             raised=self._break_off,
+            begin=self._starter.begin,
+            suspended=self._suspended,
             finished=self._finished,
             held=self._held_loop,
             holds_after=HOLDS_LOOP_AFTER,
@@ -114,9 +119,7 @@ class Service:
         """The task or thread job of each call that has one, and when the call began."""
         self._durations: deque[float] = deque(maxlen=SAMPLED)
         """Seconds that the latest calls took, sampled while others wait."""
-        self._loop = asyncio.get_running_loop()
         self._now = clock_of(self._loop)
-        self._starter = EagerStarter(self._loop, self._held_loop)
         self._response = srv_type.Response
         self._destroyed = False
         self.finished: asyncio.Future[None] = self._loop.create_future()
@@ -240,7 +243,6 @@ class Service:
         try:
             if result.__class__ is not self._response and hasattr(result, "__await__"):
                 if self._run_async(call, result, began):
-                    self._check_held(began)
                     return
             else:
                 self._returned(call, result)
@@ -248,6 +250,11 @@ class Service:
             self._break_off(call, error, began)
         else:
             self._end(call, began)
+
+    def _answer(self, call: IncomingCall, response: Any, began: float) -> None:
+        """Answer a call with what its coroutine has returned."""
+        self._returned(call, response)
+        self._end(call, began)
 
     def _break_off(self, call: IncomingCall, error: BaseException, began: float) -> None:
         """Answer a call whose callback has raised."""
@@ -287,22 +294,29 @@ class Service:
                 return False
             call.on_cancel = result.cancel
             self._await(result, call, began)
+            self._check_held(began)
             return True
         else:
             coroutine = as_coroutine(result)
-        # An exactly-once service stores the response first, which would need another task.
-        ended = _AsyncCall(self, call) if self._deduplicator is None else None
         try:
-            job = self._starter.start(partial(answering.set, call), coroutine, ended)
+            begun = self._starter.begin(partial(answering.set, call), coroutine)
         except StopIteration as done:
             self._returned(call, done.value)
             return False
-        call.on_cancel = job.cancel
-        if ended is None:
-            self._await(job, call, began)
-        else:
-            self._jobs[call] = job, began
+        if self._deduplicator is None:
+            self._suspended(call, begun, began)
+        else:  # the response is stored first, which would need another task
+            call.on_cancel = begun.task.cancel
+            self._await(begun.task, call, began)
+            self._check_held(began)
         return True
+
+    def _suspended(self, call: IncomingCall, begun: Begun, began: float) -> None:
+        """Answer a call at the end of its coroutine, which has suspended."""
+        call.on_cancel = begun.task.cancel
+        begun.then(_AsyncCall(self, call))
+        self._jobs[call] = begun.task, began
+        self._check_held(began)
 
     def _run_in_thread(
         self, threads: DaemonThreads, call: IncomingCall, response: Any, began: float

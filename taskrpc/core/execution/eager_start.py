@@ -29,6 +29,16 @@ class Ended(Protocol):
         """The task is done in another way, or it is an ordinary task."""
 
 
+class Begun(Protocol):
+    """A coroutine that has suspended in its first step."""
+
+    task: asyncio.Task[Any]
+    """Runs the rest."""
+
+    def then(self, ended: Ended) -> None:
+        """Call one of the methods of `ended` at the end; in the turn of the first step only."""
+
+
 class EagerStarter:
     """Runs the first steps of coroutines on one event loop.
 
@@ -41,17 +51,19 @@ class EagerStarter:
         self._spare: _Spare | None = None
 
     def start(
-        self,
-        prepare: Callable[[], object],
-        coroutine: Coroutine[Any, Any, Any],
-        ended: Ended | None = None,
-    ) -> Any:
+        self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
+    ) -> asyncio.Task[Any]:
         """Run a coroutine up to its first suspension; return the task that runs the rest.
 
-        `prepare` is called first, in the coroutine's context; `ended` is called after the rest.
-        Raises StopIteration with the return value if the coroutine returned, or the exception that
-        it raised.
+        `prepare` is called first, in the coroutine's context. Raises StopIteration with the return
+        value if the coroutine returned, or the exception that it raised.
         """
+        return self.begin(prepare, coroutine).task
+
+    def begin(
+        self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
+    ) -> Begun:
+        """Do as `start`, for a caller that wants to know when the rest has ended."""
         spare = self._spare
         # Is the spare task cancelled: by a program that cancels all tasks, or by an earlier
         # coroutine? `cancelling()` does not say so: `uncancel` lowers the count, but does not undo
@@ -65,7 +77,7 @@ class EagerStarter:
         try:
             _enter_task(self._loop, spare.task)
         except RuntimeError:  # called from within a running task
-            return self._in_task(prepare, coroutine, ended)
+            return _InTask(self._loop, prepare, coroutine)
         try:
             waits_for = spare.context.run(_first_step, prepare, coroutine)
         except BaseException:
@@ -75,8 +87,8 @@ class EagerStarter:
         finally:
             _leave_task(self._loop, spare.task)
         self._spare = None
-        spare.run_rest(coroutine, waits_for, ended)
-        return spare.task
+        spare.run_rest(coroutine, waits_for)
+        return spare
 
     def close(self) -> None:
         """End the spare task."""
@@ -84,18 +96,23 @@ class EagerStarter:
             self._spare.task.cancel()
             self._spare = None
 
-    def _in_task(
+
+class _InTask:
+    """A coroutine with a task of its own: it was started from within a running task."""
+
+    def __init__(
         self,
+        loop: asyncio.AbstractEventLoop,
         prepare: Callable[[], object],
         coroutine: Coroutine[Any, Any, Any],
-        ended: Ended | None,
-    ) -> asyncio.Task[Any]:
+    ) -> None:
         context = copy_context()
         context.run(prepare)
-        task = self._loop.create_task(coroutine, context=context)
-        if ended is not None:
-            task.add_done_callback(ended.done)
-        return task
+        self.task: asyncio.Task[Any] = loop.create_task(coroutine, context=context)
+
+    def then(self, ended: Ended) -> None:
+        """Call `ended.done` at the end."""
+        self.task.add_done_callback(ended.done)
 
 
 def _first_step(prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]) -> Any:
@@ -130,11 +147,12 @@ class _Spare:
         """Whether the coroutine changed a context variable that existed before."""
         return any(self.context[variable] is not value for variable, value in self.inherited)
 
-    def run_rest(
-        self, coroutine: Coroutine[Any, Any, Any], waits_for: Any, ended: Ended | None
-    ) -> None:
-        """Run the coroutine to its end; `waits_for` is the future that its first step yielded."""
+    def then(self, ended: Ended) -> None:
+        """Call one of the methods of `ended` at the end of the coroutine."""
         self._ended = ended
+
+    def run_rest(self, coroutine: Coroutine[Any, Any, Any], waits_for: Any) -> None:
+        """Run the coroutine to its end; `waits_for` is the future that its first step yielded."""
         self._rest = _Rest(coroutine, waits_for, self._loop.time, self._held)
         if not self.given.done():
             self.given.set_result(None)

@@ -7,13 +7,14 @@ them. The author of a transport implements `network.Network` or `engine.Engine` 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Coroutine, Hashable
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import msgspec
 
 from taskrpc.core.callinfo import CallInfo
+from taskrpc.core.execution.eager_start import Begun
 from taskrpc.core.request_ids.ids import ReceivedId
 from taskrpc.core.security.roles import Role
 from taskrpc.core.transport.codec import ServiceType
@@ -126,8 +127,14 @@ class PlainService(msgspec.Struct, eq=False, kw_only=True):
     """The calls that wait."""
     returned: Callable[[IncomingCall, Any, float], object]
     """Takes a call whose callback has returned this."""
+    answered: Callable[[IncomingCall, Any, float], object]
+    """Takes a call whose coroutine has returned this."""
     raised: Callable[[IncomingCall, BaseException, float], object]
     """Takes a call whose callback has raised this."""
+    begin: Callable[[Callable[[], object], Coroutine[Any, Any, Any]], Begun]
+    """`EagerStarter.begin`, for the coroutine that an async callback returns."""
+    suspended: Callable[[IncomingCall, Begun, float], object]
+    """Takes a call whose coroutine has suspended."""
     finished: Callable[[float], object]
     """Called after a call if other calls wait, or if the service is withdrawn."""
     held: Callable[[float], object]

@@ -13,14 +13,18 @@ A request is plain if all of this holds:
 4. The caller reads its responses, and backpressure is not active.
 5. The body is valid, and the caller's role is sufficient. The deadline has not passed.
 
+An async callback takes the same path: its coroutine runs up to its end or its first suspension.
+
 After the callback, the call gets its record and goes on as any other call if the callback read
-`current_call()`, raised, returned an awaitable or something else than a response, or if the
-response is invalid or large. The path makes no error itself, so each error has one origin.
+`current_call()`, raised, suspended, returned something else than a response, or if the response is
+invalid or large. The path makes no error itself, so each error has one origin.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from types import CoroutineType
 from typing import Any, Protocol
 
 import msgspec
@@ -128,6 +132,7 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
     handle, method, waiting = route.handle, route.method, service.waiting
     decode = route.decode
     callback, response_class = service.callback, service.response
+    begin = service.begin
     set_answering, reset_answering = answering.set, answering.reset
     limit = min(session.body_limit, LARGE - 1)
 
@@ -156,11 +161,20 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
         service.running += 1
         numbers.last = number = numbers.last + 1
         call = PlainCall(connection, route, call_id, time_left, request, number, arrived, size)
-        encoded = None
+        encoded, go_on = None, service.returned
         token = set_answering(call)
         try:
             try:
                 response = callback(request, response_class())
+                if response.__class__ is CoroutineType:
+                    try:
+                        begun = begin(partial(set_answering, call), response)
+                    except StopIteration as done:
+                        response, go_on = done.value, service.answered
+                    else:
+                        service.suspended(call.made(), begun, began)
+                        connection.clock_at = now()
+                        return None
             except BaseException as error:
                 service.raised(call.made(), error, began)
                 connection.clock_at = now()
@@ -172,7 +186,7 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
                 except Exception:
                     encoded = None  # encoded again, to report the error
             if encoded is None or (length := len(encoded)) > limit:
-                service.returned(call.made(), response, began)
+                go_on(call.made(), response, began)
                 connection.clock_at = now()
                 return None
             call.ended = True
