@@ -223,7 +223,8 @@ def send_in_thread(
     policy = client._retry if retry is UNSET else retry
     if channel is None or policy is not None:
         return None
-    return channel.send_in_thread(request, client._deadline(timeout))
+    left = client._left if timeout is UNSET else 0
+    return channel.send_in_thread(request, client._deadline(timeout), left)
 
 
 def send_in_thread_then(
@@ -233,7 +234,8 @@ def send_in_thread_then(
     channel = client._thread_channel
     if channel is None or client._retry is not None:
         return None
-    return channel.send_in_thread_then(request, client._deadline(timeout), on_done)
+    left = client._left if timeout is UNSET else 0
+    return channel.send_in_thread_then(request, client._deadline(timeout), on_done, left)
 
 
 def checked_timeout(timeout: float | None, what: str = "timeout") -> float | None:

@@ -20,14 +20,14 @@ from taskrpc.core.execution.callbacks import (
     as_coroutine,
     check_callback,
     check_count,
-    end_program,
     run_to_end,
 )
-from taskrpc.core.execution.eager_start import Begun, EagerStarter
+from taskrpc.core.execution.eager_start import EagerStarter
 from taskrpc.core.execution.fair_queue import FairQueue
 from taskrpc.core.request_ids.ids import CompletionStore
 from taskrpc.core.security.roles import Role
-from taskrpc.core.transport.base import IncomingCall, Mode, Offer, PlainService
+from taskrpc.core.system.signals import end_program
+from taskrpc.core.transport.base import Begun, GoOn, IncomingCall, Mode, Offer, PlainService
 from taskrpc.core.transport.codec import ServiceType, codec_of
 from taskrpc.core.transport.connection.deadline_timer import TICK, clock_of
 from taskrpc.core.transport.connection.incoming_call import answer_unexpected
@@ -98,18 +98,14 @@ class Service:
         self.service_name = name
         self._callback = callback
         self._waiting: FairQueue[IncomingCall] = FairQueue()
-        self._loop = asyncio.get_running_loop()
-        self._starter = EagerStarter(self._loop, self._held_loop)
         self._load = PlainService(
             callback=callback,
             response=srv_type.Response,
             concurrency=concurrency,
             waiting=self._waiting,
             returned=self._continue,
-            answered=self._answer,
             raised=self._break_off,
-            begin=self._starter.begin,
-            suspended=self._suspended,
+            begin=self._begin,
             finished=self._finished,
             held=self._held_loop,
             holds_after=HOLDS_LOOP_AFTER,
@@ -119,7 +115,9 @@ class Service:
         """The task or thread job of each call that has one, and when the call began."""
         self._durations: deque[float] = deque(maxlen=SAMPLED)
         """Seconds that the latest calls took, sampled while others wait."""
+        self._loop = asyncio.get_running_loop()
         self._now = clock_of(self._loop)
+        self._starter = EagerStarter(self._loop, self._held_loop)
         self._response = srv_type.Response
         self._destroyed = False
         self.finished: asyncio.Future[None] = self._loop.create_future()
@@ -251,6 +249,13 @@ class Service:
         else:
             self._end(call, began)
 
+    def _begin(self, call: Any, coroutine: Coroutine[Any, Any, Any]) -> tuple[Any, GoOn]:
+        """Run the first step of a coroutine; see `PlainService.begin`."""
+        try:
+            return self._starter.begin(partial(answering.set, call), coroutine), self._suspended
+        except StopIteration as done:
+            return done.value, self._answer
+
     def _answer(self, call: IncomingCall, response: Any, began: float) -> None:
         """Answer a call with what its coroutine has returned."""
         self._returned(call, response)
@@ -298,10 +303,9 @@ class Service:
             return True
         else:
             coroutine = as_coroutine(result)
-        try:
-            begun = self._starter.begin(partial(answering.set, call), coroutine)
-        except StopIteration as done:
-            self._returned(call, done.value)
+        begun, go_on = self._begin(call, coroutine)
+        if go_on == self._answer:
+            self._returned(call, begun)
             return False
         if self._deduplicator is None:
             self._suspended(call, begun, began)

@@ -30,12 +30,12 @@ from taskrpc.core.execution.callbacks import (
     DaemonThreads,
     check_callback,
     check_count,
-    end_program,
     run_to_end,
 )
 from taskrpc.core.execution.eager_start import EagerStarter
 from taskrpc.core.request_ids.ids import CompletionStore
 from taskrpc.core.security.roles import Role
+from taskrpc.core.system.signals import end_program
 from taskrpc.core.transport.codec import codec_of
 from taskrpc.core.transport.time_of_day import time_of_day_ns
 from taskrpc.deferred import DeferredCall, DeferredService

@@ -15,6 +15,7 @@ from types import FunctionType, MethodType
 from typing import Any, TypeAlias
 
 from taskrpc.core.execution.eager_start import EagerStarter
+from taskrpc.core.system.signals import end_program
 
 log = logging.getLogger("taskrpc.callbacks")
 
@@ -125,11 +126,6 @@ class CallbackRunner:
 async def as_coroutine(awaitable: Awaitable[Any]) -> Any:
     """Return a coroutine that awaits any awaitable."""
     return await awaitable
-
-
-def end_program(error: BaseException) -> None:
-    """Raise SystemExit or KeyboardInterrupt; call it from the loop, which then ends."""
-    raise error
 
 
 def run_to_end(callback: Callback, *arguments: Any) -> Any:

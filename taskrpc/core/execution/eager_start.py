@@ -14,29 +14,10 @@ import types
 from asyncio import _enter_task, _leave_task  # documented for code that runs steps itself
 from collections.abc import Callable, Coroutine, Generator
 from contextvars import Context, copy_context
-from typing import Any, Protocol
+from typing import Any
 
 from taskrpc.core.callinfo import answering
-
-
-class Ended(Protocol):
-    """Called once, at the end of a task."""
-
-    def returned(self, value: object) -> None:
-        """The coroutine returned this; called in the task's last step."""
-
-    def done(self, task: asyncio.Future[object]) -> None:
-        """The task is done in another way, or it is an ordinary task."""
-
-
-class Begun(Protocol):
-    """A coroutine that has suspended in its first step."""
-
-    task: asyncio.Task[Any]
-    """Runs the rest."""
-
-    def then(self, ended: Ended) -> None:
-        """Call one of the methods of `ended` at the end; in the turn of the first step only."""
+from taskrpc.core.transport.base import Begun, Ended
 
 
 class EagerStarter:
@@ -60,9 +41,7 @@ class EagerStarter:
         """
         return self.begin(prepare, coroutine).task
 
-    def begin(
-        self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
-    ) -> Begun:
+    def begin(self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]) -> Begun:
         """Do as `start`, for a caller that wants to know when the rest has ended."""
         spare = self._spare
         # Is the spare task cancelled: by a program that cancels all tasks, or by an earlier

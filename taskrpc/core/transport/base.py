@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import msgspec
 
 from taskrpc.core.callinfo import CallInfo
-from taskrpc.core.execution.eager_start import Begun
 from taskrpc.core.request_ids.ids import ReceivedId
 from taskrpc.core.security.roles import Role
 from taskrpc.core.transport.codec import ServiceType
@@ -107,17 +106,40 @@ class IncomingCall(CallInfo, eq=False, kw_only=True):
             self.on_cancel()
 
 
+class Ended(Protocol):
+    """Called once, at the end of a task."""
+
+    def returned(self, value: object) -> None:
+        """The coroutine returned this; called in the task's last step."""
+
+    def done(self, task: asyncio.Future[object]) -> None:
+        """The task is done in another way, or it is an ordinary task."""
+
+
+class Begun(Protocol):
+    """A coroutine that has suspended in its first step."""
+
+    task: asyncio.Task[Any]
+    """Runs the rest."""
+
+    def then(self, ended: Ended) -> None:
+        """Call one of the methods of `ended` at the end; in the turn of the first step only."""
+
+
 class Counted(Protocol):
     """A queue that knows its length."""
 
     count: int
 
 
+GoOn: TypeAlias = Callable[[IncomingCall, Any, float], object]
+"""Goes on with a call: with what came of its callback, and the instant at which it began."""
+
+
 class PlainService(msgspec.Struct, eq=False, kw_only=True):
     """A service whose calls a connection may run itself; see `connection.plain_serving`.
 
-    A call that the connection cannot end itself is passed to `returned` or `raised`, with the
-    instant at which it began.
+    A call that the connection cannot end itself is passed to one of its `GoOn` functions.
     """
 
     callback: Callable[[Any, Any], Any]
@@ -125,16 +147,13 @@ class PlainService(msgspec.Struct, eq=False, kw_only=True):
     concurrency: int
     waiting: Counted
     """The calls that wait."""
-    returned: Callable[[IncomingCall, Any, float], object]
+    returned: GoOn
     """Takes a call whose callback has returned this."""
-    answered: Callable[[IncomingCall, Any, float], object]
-    """Takes a call whose coroutine has returned this."""
-    raised: Callable[[IncomingCall, BaseException, float], object]
+    raised: GoOn
     """Takes a call whose callback has raised this."""
-    begin: Callable[[Callable[[], object], Coroutine[Any, Any, Any]], Begun]
-    """`EagerStarter.begin`, for the coroutine that an async callback returns."""
-    suspended: Callable[[IncomingCall, Begun, float], object]
-    """Takes a call whose coroutine has suspended."""
+    begin: Callable[[Any, Coroutine[Any, Any, Any]], tuple[Any, GoOn]]
+    """Runs the first step of the coroutine that a callback returned for this call; returns what
+    came of it, and the function that takes both."""
     finished: Callable[[float], object]
     """Called after a call if other calls wait, or if the service is withdrawn."""
     held: Callable[[float], object]

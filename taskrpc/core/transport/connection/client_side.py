@@ -6,12 +6,13 @@ import asyncio
 import math
 from collections import deque
 from collections.abc import Callable, Iterable
+from operator import attrgetter
 from typing import Any, ClassVar, Protocol
 
 import msgspec
 
-from taskrpc.core.execution.callbacks import end_program
 from taskrpc.core.request_ids.ids import RequestCounter
+from taskrpc.core.system.signals import end_program
 from taskrpc.core.transport.connection.connection import Connection, Owner
 from taskrpc.core.transport.connection.deadline_timer import CHECK_LATE, TICK
 from taskrpc.core.wire import messages
@@ -41,6 +42,10 @@ HANDSHAKE_LOST = "the connection was lost in the handshake"
 
 _ROUNDING = 1e-6
 """Milliseconds by which the difference of two instants may be too large."""
+
+_callbacks_of = attrgetter("_callbacks")
+"""What asyncio is going to call at the end of a future: a list of functions, each with its context;
+None if there are none."""
 
 MAX_MOVES = 8
 """How often one call may be refused and moved to another server before it fails."""
@@ -219,11 +224,6 @@ class CallingConnection(Connection):
             if not self.in_turn and (is_first or not self._flush_planned):
                 self._flush_request(size)
 
-    @property
-    def holds_back(self) -> bool:
-        """Whether a new call must wait: behind others, or because the server does not read."""
-        return self._writing_paused or bool(self._waiting)
-
     def resolve(
         self, question: messages.Resolve, deadline: float | None, *, definition: bool = False
     ) -> OpenCall:
@@ -290,7 +290,7 @@ class CallingConnection(Connection):
                         if (
                             future.__class__ is asyncio.Future
                             and self.resumes_at_once
-                            and (waiting := future._callbacks)
+                            and (waiting := _callbacks_of(future))
                             and not waiting[1:]
                         ):
                             # asyncio would resume the caller in the next turn of the event loop,
@@ -304,7 +304,6 @@ class CallingConnection(Connection):
                     except (InvalidRequest, ProtocolError, asyncio.InvalidStateError):
                         call.answered(body)  # decoded again, to report the error
                     except (SystemExit, KeyboardInterrupt) as error:
-                        # Not raised here: uvloop swallows errors of a protocol.
                         self.owner.loop.call_soon(end_program, error)
                 if rest:
                     self.handle(session.feed(rest))

@@ -23,7 +23,6 @@ invalid or large. The path makes no error itself, so each error has one origin.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from types import CoroutineType
 from typing import Any, Protocol
 
@@ -132,7 +131,6 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
     handle, method, waiting = route.handle, route.method, service.waiting
     decode = route.decode
     callback, response_class = service.callback, service.response
-    begin = service.begin
     set_answering, reset_answering = answering.set, answering.reset
     limit = min(session.body_limit, LARGE - 1)
 
@@ -167,18 +165,9 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
             try:
                 response = callback(request, response_class())
                 if response.__class__ is CoroutineType:
-                    try:
-                        begun = begin(partial(set_answering, call), response)
-                    except StopIteration as done:
-                        response, go_on = done.value, service.answered
-                    else:
-                        service.suspended(call.made(), begun, began)
-                        connection.clock_at = now()
-                        return None
+                    response, go_on = service.begin(call, response)
             except BaseException as error:
-                service.raised(call.made(), error, began)
-                connection.clock_at = now()
-                return None
+                response, go_on = error, service.raised
             if response.__class__ is response_class and call.call is None:
                 try:
                     response._check()

@@ -24,6 +24,7 @@ from taskrpc.core.wire.handshake import Identity
 from taskrpc.core.wire.messages import Limits, Resolve
 from taskrpc.core.wire.session import LONGEST_TIME, Session
 from taskrpc.errors import Code, HandlerError
+from taskrpc.service import Service
 from taskrpc.testing import VirtualTimeLoop
 from tests.core.wire.helpers import Replaced
 from tests.properties import examples
@@ -55,6 +56,8 @@ class Server:
         kinds = (self.add, self.ask, self.hold, self.wait, self.task, self.none, self.wrong)
         kinds += (self.fail, self.refuse, self.deny, self.pause, self.withdraw)
         kinds += (self.hog, self.stop, self.close, self.drain)
+        kinds += (self.later_add, self.later_ask, self.later_none, self.later_fail, self.later_hog)
+        kinds += (self.forgets_await,)
         self.services = [node.create_service(Add, kind.__name__, kind) for kind in kinds]
         node.create_service(Add, "three", self.wait, concurrency=3)
         node.create_service(Types, "large", self.large)
@@ -93,6 +96,19 @@ class Server:
             room[:count] = data[:count]
             self.end.buffer_updated(count)
             data = data[count:]
+
+    async def given(self, data):
+        """Let the server read these bytes as the event loop does: in no task."""
+        done = self.loop.create_future()
+
+        def read():
+            try:
+                done.set_result(self.read(data))
+            except BaseException as error:
+                done.set_exception(error)
+
+        self.loop.call_soon(read)
+        await done
 
     def unread(self, size):
         """Let another caller leave so many bytes of responses unread."""
@@ -146,6 +162,26 @@ class Server:
             self.log.append(("cancelled", facts()))
             raise
         return self.add(request, response)
+
+    async def later_add(self, request, response):
+        return self.add(request, response)
+
+    async def later_ask(self, request, response):
+        return self.ask(request, response)
+
+    async def later_none(self, request, response):
+        self.add(request, response)
+
+    async def later_fail(self, request, response):
+        raise ValueError("a mistake")
+
+    async def later_hog(self, request, response):
+        return self.hog(request, response)
+
+    async def forgets_await(self, request, response):
+        found = asyncio.Future()
+        found.set_result(self.add(request, response))
+        return found
 
     async def texts(self, request, response):
         await asyncio.sleep(0.01)
@@ -237,7 +273,8 @@ def mostly(usual, *others):
 
 names = st.sampled_from(
     "add add add ask hold wait wait three three task none wrong fail refuse deny pause large large"
-    " withdraw missing hog close drain".split()
+    " withdraw missing hog close drain later_add later_add later_ask later_none later_fail"
+    " later_hog forgets_await".split()
 )
 a_call = st.tuples(
     st.just("call"),
@@ -298,7 +335,7 @@ async def played(batches):
                 elif kind == "ping":
                     data += pack_frame(FrameType.PING, 0, 0, 0, 5)
                 else:
-                    server.read(data)
+                    await server.given(data)
                     data = b""
                     if kind == "pause":
                         server.transport.grow(10)
@@ -313,9 +350,9 @@ async def played(batches):
                     else:
                         await asyncio.sleep(values[0])
             for size in sizes:
-                server.read(data[:size])
+                await server.given(data[:size])
                 data = data[size:]
-            server.read(data)
+            await server.given(data)
             server.log.append(("written", server.heard))
         server.transport.read_all()
         await asyncio.sleep(1)
@@ -436,7 +473,7 @@ PLAIN = [
     ("number = numbers.last + 1", "number = numbers.last"),
     (" and call.call is None", ""),
     ("(length := len(encoded)) > limit", "(length := len(encoded)) < 0"),
-    ("service.raised(", "service.returned("),
+    ("error, service.raised", "error, service.returned"),
     ("reset_answering(token)", "pass"),
     ("call.ended = True", "pass"),
     ("connection.clock_at = ended = now()", "ended = now()"),
@@ -459,6 +496,7 @@ SERVING = [
 DIFFERENCES = [
     *((plain_serving, "_plain", *texts) for texts in PLAIN),
     *((Session, "serve", *texts) for texts in SERVING),
+    (Service, "_begin", "done.value, self._answer", "done.value, self._continue"),
     (Session, "accept", "self.bytes_in_flight += size", "pass"),
 ]
 
