@@ -149,7 +149,12 @@ class Service:
         if deduplicator is not None:
             serve, store_id, mode = deduplicator.arrived, deduplicator.store_id, Mode.EXACTLY_ONCE
         name, srv_type = self.service_name, self.srv_type
-        plain = self._load if deduplicator is None and self._threads is None else None
+        plain = self._load if self._threads is None else None
+        if deduplicator is not None:
+            if deduplicator.is_plain:
+                self._load.once = deduplicator
+            else:
+                plain = None
         return Offer(name, srv_type, node, serve, mode, join, store_id, observer, role, plain)
 
     def _close_deduplicator(self) -> None:

@@ -136,6 +136,19 @@ GoOn: TypeAlias = Callable[[IncomingCall, Any, float], object]
 """Goes on with a call: with what came of its callback, and the instant at which it began."""
 
 
+class PlainOnce(Protocol):
+    """What makes a service exactly-once, if its store completes requests at once."""
+
+    def admit(self, principal: str, received: ReceivedId, arrived: float) -> bool:
+        """Whether the request is new; if so, it counts as running, and the callback must run."""
+
+    def complete(self, principal: str, received: ReceivedId, body: bytes, arrived: float) -> None:
+        """Store the encoded response of an admitted request, which has ended."""
+
+    def executed(self, call: IncomingCall, *, is_over: bool) -> IncomingCall:
+        """Return the execution of an admitted request, which answers this call at its end."""
+
+
 class PlainService(msgspec.Struct, eq=False, kw_only=True):
     """A service whose calls a connection may run itself; see `connection.plain_serving`.
 
@@ -159,6 +172,8 @@ class PlainService(msgspec.Struct, eq=False, kw_only=True):
     held: Callable[[float], object]
     """Called with the seconds of a call that held the event loop for `holds_after` seconds."""
     holds_after: float
+    once: PlainOnce | None = None
+    """Decides about the requests of an exactly-once service; None for other services."""
     running: int = 0
     """Calls that run, or whose effect is not stored yet."""
 
