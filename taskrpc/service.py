@@ -312,19 +312,17 @@ class Service:
         if go_on == self._answer:
             self._returned(call, begun)
             return False
-        if self._deduplicator is None:
-            self._suspended(call, begun, began)
-        else:  # the response is stored first, which would need another task
-            call.on_cancel = begun.task.cancel
-            self._await(begun.task, call, began)
-            self._check_held(began)
+        self._suspended(call, begun, began)
         return True
 
     def _suspended(self, call: IncomingCall, begun: Begun, began: float) -> None:
         """Answer a call at the end of its coroutine, which has suspended."""
         call.on_cancel = begun.task.cancel
-        begun.then(_AsyncCall(self, call))
-        self._jobs[call] = begun.task, began
+        if self._deduplicator is None:
+            begun.then(_AsyncCall(self, call))
+            self._jobs[call] = begun.task, began
+        else:  # the response is stored first, which would need another task
+            self._await(begun.task, call, began)
         self._check_held(began)
 
     def _run_in_thread(

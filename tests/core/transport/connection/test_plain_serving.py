@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 import srvgen
 import taskrpc
 from taskrpc.core.exactly_once import Deduplicator
+from taskrpc.core.exactly_once.store_state import state_of
 from taskrpc.core.request_ids.ids import RequestId, with_request_id
 from taskrpc.core.transport.codec import codec_of
 from taskrpc.core.transport.connection import plain_serving
@@ -409,7 +410,14 @@ async def played(batches):
         await asyncio.sleep(1)
         records.close()
         statuses = [(each.name, each.running, each.waiting) for each in node.status().services]
-        state_of_store = server.store._index.all(), node.status().services[-1].once
+        state_of_store = (
+            server.store._index.all(),
+            node.status().services[-1].once,
+            [
+                (client, record.used, record.placed, record.first_incomplete, list(record.requests))
+                for client, record in state_of(server.store).ledger._clients.items()
+            ],
+        )
         end = server.end.session
         state = end.state, end.last_call_id, end.bytes_in_flight, len(end.open_calls)
         state += tuple(each.finished.done() for each in server.services)
@@ -471,6 +479,7 @@ def once(name, sequence, first=1, left=NO_DEADLINE, body=REQUEST):
     return "once", name, left, b"c" * 16, sequence, first, body
 
 
+FIRST = once("once", 1)
 SCENARIOS = [
     # An earlier callback of the same read took so long that the deadline has passed.
     [([call("hold"), call("add", 5), call("add", 40)], [])],
@@ -506,15 +515,29 @@ SCENARIOS = [
     [([call("wait", 5), ("cancel", 0), call("add", 0)], [])],
     [([call("wait"), ("cancel", 0), ("time", 0.3)], [])],
     [([call("add"), call("add", step=0), call("add")], [])],
-    # Requests with ids: repeated, settled, changed, refused, stale, and without an id.
+    # Requests with ids, of which the first looks for leases that have ended: repeated, settled,
+    # changed, refused, stale, and without an id.
     *(
-        [([once(name, 1), once(name, 1), once(name, 2, 2), once(name, 1)], [])]
+        [([FIRST, once(name, 2), once(name, 2), once(name, 3, 3), once(name, 2)], [])]
         for name in ("once", "once_ask", "once_later", "once_fail", "once_undone", "once_effect")
     ),
-    [([once("once", 1), once("once", 1, body=OTHER), once("once", 1, 0), once("once", 3, 2)], [])],
-    [([once("once", 1, left=0), once("once", 1), once("once_wait", 2), once("once", 2)], [])],
-    [([once("once_task", 1), once("once", 2), ("time", 0.0)], [])],
-    [([call("once"), once("once", 1), call("once"), once("once_ask", 2)], [])],
+    [([FIRST, once("once", 1, body=OTHER), once("once", 2, 0), once("once", 4, 3)], [])],
+    [
+        (
+            [
+                FIRST,
+                once("once", 2, left=0),
+                once("once", 2),
+                once("once_wait", 3),
+                once("once", 3),
+            ],
+            [],
+        )
+    ],
+    [([FIRST, once("once_task", 2), once("once", 3), ("time", 0.0)], [])],
+    [([FIRST, once("once_wait", 2, left=5), ("time", 0.3), once("once_wait", 2)], [])],
+    [([FIRST, once("once_wait", 2), ("cancel", 1), ("time", 0.3), once("once", 2)], [])],
+    [([FIRST, call("once"), once("once", 2), call("once"), once("once_ask", 3)], [])],
     [([call("add", bits=int(Flag.TRACED)), call("add", bits=int(Flag.EXACTLY_ONCE))], [])],
 ]
 """Rare coincidences; the random sequences have the rest."""
