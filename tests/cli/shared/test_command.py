@@ -162,6 +162,24 @@ def test_a_program_that_only_calls_does_not_import_the_serving_side():
     assert done.stdout.strip() == "[]"
 
 
+def test_a_program_that_only_serves_does_not_import_the_calling_side():
+    program = (
+        "import sys, asyncio, srvgen, taskrpc\n"
+        "async def main():\n"
+        "    async with taskrpc.Node('server') as node:\n"
+        "        node.create_service(srvgen.load('std_srvs/srv/Empty'), 'empty', print)\n"
+        "asyncio.run(main())\n"
+        "calling = {'client', 'attempts', 'channel', 'client_side', 'client_threads', 'dialling',"
+        " 'retry', 'watching'}\n"
+        "ours = [each for each in sys.modules if each.startswith('taskrpc.')]\n"
+        "print([x for x in ours if x.rpartition('.')[2] in calling])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
 def test_main_with_arguments_does_not_change_the_process(monkeypatch):
     frozen = []
     monkeypatch.setattr(command.gc, "freeze", lambda: frozen.append(True))
