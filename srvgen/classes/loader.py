@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any, NamedTuple
+from typing import Any
 from weakref import WeakValueDictionary, finalize
 
 import msgspec
@@ -44,7 +44,7 @@ _runtime_module: ModuleType = _runtime
 """The runtime that new modules use: `_runtime`, or that of `rosidl_classes`."""
 
 
-class _ModuleKey(NamedTuple):
+class _ModuleKey(msgspec.Struct, frozen=True):
     """Two modules with equal keys are the same, no matter where their definitions come from."""
 
     definition: str
@@ -53,7 +53,7 @@ class _ModuleKey(NamedTuple):
     nested: tuple[type, ...]
 
 
-class _Loaded(NamedTuple):
+class _Loaded(msgspec.Struct, frozen=True):
     """A module, and the state of the files it was made from."""
 
     module: ModuleType
