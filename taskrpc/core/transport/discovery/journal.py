@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-import zlib
+from binascii import crc32  # asyncio has imported it; zlib would load another library
 
 import msgspec
 
@@ -34,7 +34,7 @@ _decode = msgspec.json.Decoder(RegistryEntry | EntryChange).decode
 def line_of(number: int, record: RegistryEntry | EntryChange) -> bytes:
     """Return a record as a line of the file."""
     text = b"%d %s" % (number, _encode(record))
-    return b"%08x %s\n" % (zlib.crc32(text), text)
+    return b"%08x %s\n" % (crc32(text), text)
 
 
 class Journal:
@@ -142,7 +142,7 @@ class JournalReader:
 
 def _parsed(line: bytes) -> tuple[int, RegistryEntry | EntryChange | None]:
     checksum, _, text = line.partition(b" ")
-    if checksum != b"%08x" % zlib.crc32(text):
+    if checksum != b"%08x" % crc32(text):
         return 0, None
     number, _, record = text.partition(b" ")
     try:
