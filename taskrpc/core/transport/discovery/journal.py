@@ -11,6 +11,7 @@ import contextlib
 import os
 import time
 from binascii import crc32  # asyncio has imported it; zlib would load another library
+from functools import cache
 
 import msgspec
 
@@ -28,7 +29,12 @@ TIME_STEP = 1000
 """Nanoseconds; every file system stores times at least this precisely."""
 
 _encode = msgspec.json.Encoder().encode
-_decode = msgspec.json.Decoder(RegistryEntry | EntryChange).decode
+
+
+@cache
+def _decoder() -> msgspec.json.Decoder[RegistryEntry | EntryChange]:
+    """Return the decoder of records; a process that sees no other one needs none."""
+    return msgspec.json.Decoder(RegistryEntry | EntryChange)
 
 
 def line_of(number: int, record: RegistryEntry | EntryChange) -> bytes:
@@ -146,7 +152,7 @@ def _parsed(line: bytes) -> tuple[int, RegistryEntry | EntryChange | None]:
         return 0, None
     number, _, record = text.partition(b" ")
     try:
-        return int(number), _decode(record)
+        return int(number), _decoder().decode(record)
     except (ValueError, msgspec.MsgspecError):
         return 0, None
 
