@@ -346,8 +346,8 @@ def _check_length(text: str, path: str) -> None:
 
 
 def _build(entry: _Entry) -> Field | Constant:
-    comment, unit = read_comment(entry.comments)
-    return entry.element(*entry.arguments, comment, unit, entry.line, entry.column)
+    comment = read_comment(entry.comments)
+    return entry.element(*entry.arguments, comment.lines, comment.unit, entry.line, entry.column)
 
 
 def _article(noun: str) -> str:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+
+from msgspec import Struct
 
 SEPARATOR = "---"
 
@@ -18,7 +19,7 @@ _RULE = "=" * 80
 _HEADING = rf"\n{_RULE}\nMSG: (\S+)\n"
 
 
-class Comment(NamedTuple):
+class Comment(Struct, frozen=True):
     """The comment of a definition, or of one field or constant."""
 
     lines: tuple[str, ...] = ()
