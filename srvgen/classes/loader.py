@@ -23,7 +23,7 @@ from ..definitions.lines import split_full_text
 from ..definitions.model import Definition, MessageDef
 from ..definitions.names import split_type_name
 from ..errors import DefinitionError, InvalidText
-from ..files.archive import ARCHIVE
+from ..files import archive
 from ..files.dependencies import full_text, joined_text, with_dependencies
 from ..files.reading import parse_definition
 from ..files.search import Search, bundled_text
@@ -169,7 +169,7 @@ def _load(owner: str) -> _Loaded:
 
 def _stamp(path: Path) -> _Stamp:
     try:
-        status = (ARCHIVE if ARCHIVE in path.parents else path).stat()
+        status = archive.file_of(path).stat()
     except OSError:
         return path, 0, 0
     return path, status.st_mtime_ns, status.st_size

@@ -294,7 +294,7 @@ class Search:
 
     def _read(self, path: Path, package: str) -> Definition:
         try:
-            status = (ARCHIVE if ARCHIVE in path.parents else path).stat()
+            status = archive.file_of(path).stat()
         except OSError:  # deleted since it was found: `read_definition` raises the error
             return read_definition(path, package)
         stamp = (status.st_mtime_ns, status.st_size)
