@@ -12,6 +12,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, Final, Generic
 
 from taskrpc.core.attempts import Attempts
+from taskrpc.core.transport.base import DEFAULT_TIMEOUT as DEFAULT_TIMEOUT  # noqa: PLC0414
 from taskrpc.core.transport.base import OnDone
 from taskrpc.core.transport.channel import RemoteChannel
 from taskrpc.core.transport.codec import ServiceType
@@ -26,9 +27,6 @@ from taskrpc.retry import RetryBudget, RetryPolicy
 
 if TYPE_CHECKING:
     from taskrpc.core.observer import Observer
-
-DEFAULT_TIMEOUT = 10.0
-"""Seconds."""
 
 
 class Unset(Enum):

@@ -16,11 +16,11 @@ import msgspec
 from taskrpc.core.callinfo import Denied, answering
 from taskrpc.core.execution.callbacks import (
     HOLDS_LOOP_AFTER,
-    DaemonThreads,
     as_coroutine,
     check_callback,
     check_count,
     run_to_end,
+    threads_for,
 )
 from taskrpc.core.execution.eager_start import EagerStarter
 from taskrpc.core.execution.fair_queue import FairQueue
@@ -47,6 +47,7 @@ from taskrpc.message_types import RequestT, ResponseT
 
 if TYPE_CHECKING:
     from taskrpc.core.exactly_once import Deduplicator, Effect
+    from taskrpc.core.execution.daemon_threads import DaemonThreads
     from taskrpc.core.observer import Observer, ServiceStatus
 
 log = logging.getLogger("taskrpc.server")
@@ -122,7 +123,7 @@ class Service:
         self._destroyed = False
         self.finished: asyncio.Future[None] = self._loop.create_future()
         """Done once the service is destroyed and has answered its last call."""
-        self._threads = DaemonThreads(concurrency, f"taskrpc {name}") if threaded else None
+        self._threads = threads_for(concurrency, name, threaded=threaded)
         self._warned = False
         """Whether the log has the warning about a callback that held the event loop."""
         self._transport = transport

@@ -26,6 +26,9 @@ if TYPE_CHECKING:
     from taskrpc.core.observer import Observer
     from taskrpc.core.wire.statistics import Statistics
 
+DEFAULT_TIMEOUT = 10.0
+"""Seconds until the deadline of a call without a timeout of its own."""
+
 
 class Mode(IntEnum):
     """What a server promises about repeated requests of one service."""

@@ -55,9 +55,12 @@ class ChannelContext(Protocol):
 
     loop: asyncio.AbstractEventLoop
     network: Network
-    dialler: Dialler
     availability: Availability
     counters: RequestCounters
+
+    @property
+    def dialler(self) -> Dialler:
+        """The connections to other processes."""
 
     def channel_closed(self, named: ServiceEndpoint) -> None:
         """Count a channel that was closed."""
