@@ -257,10 +257,8 @@ class Service:
 
     def _begin(self, call: Any, coroutine: Coroutine[Any, Any, Any]) -> tuple[Any, GoOn]:
         """Run the first step of a coroutine; see `PlainService.begin`."""
-        try:
-            return self._starter.begin(partial(answering.set, call), coroutine), self._suspended
-        except StopIteration as done:
-            return done.value, self._answer
+        result, has_ended = self._starter.begin(partial(answering.set, call), coroutine)
+        return result, self._answer if has_ended else self._suspended
 
     def _answer(self, call: IncomingCall, response: Any, began: float) -> None:
         """Answer a call with what its coroutine has returned."""

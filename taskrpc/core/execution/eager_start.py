@@ -17,7 +17,7 @@ from contextvars import Context, copy_context
 from typing import Any
 
 from taskrpc.core.callinfo import answering
-from taskrpc.core.transport.base import Begun, Ended
+from taskrpc.core.transport.base import Ended
 
 
 class EagerStarter:
@@ -39,10 +39,16 @@ class EagerStarter:
         `prepare` is called first, in the coroutine's context. Raises StopIteration with the return
         value if the coroutine returned, or the exception that it raised.
         """
-        return self.begin(prepare, coroutine).task
+        result, has_ended = self.begin(prepare, coroutine)
+        if has_ended:
+            raise StopIteration(result)
+        task: asyncio.Task[Any] = result.task
+        return task
 
-    def begin(self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]) -> Begun:
-        """Do as `start`, for a caller that wants to know when the rest has ended."""
+    def begin(
+        self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
+    ) -> tuple[Any, bool]:
+        """Do as `start`; return the return value and True, or what runs the rest and False."""
         spare = self._spare
         # Is the spare task cancelled: by a program that cancels all tasks, or by an earlier
         # coroutine? `cancelling()` does not say so: `uncancel` lowers the count, but does not undo
@@ -56,18 +62,21 @@ class EagerStarter:
         try:
             _enter_task(self._loop, spare.task)
         except RuntimeError:  # called from within a running task
-            return _InTask(self._loop, prepare, coroutine)
+            return _InTask(self._loop, prepare, coroutine), False
+        has_ended = True
         try:
-            waits_for = spare.context.run(_first_step, prepare, coroutine)
-        except BaseException:
-            if len(spare.context) != spare.variables or (spare.inherited and spare.is_used()):
-                self.close()  # one coroutine's context variables must not be visible to the next
-            raise
+            result, has_ended = spare.context.run(_first_step, prepare, coroutine)
         finally:
             _leave_task(self._loop, spare.task)
+            if has_ended and (
+                len(spare.context) != spare.variables or (spare.inherited and spare.is_used())
+            ):
+                self.close()  # one coroutine's context variables must not be visible to the next
+        if has_ended:
+            return result, True
         self._spare = None
-        spare.run_rest(coroutine, waits_for)
-        return spare
+        spare.run_rest(coroutine, waits_for=result)
+        return spare, False
 
     def close(self) -> None:
         """End the spare task."""
@@ -94,9 +103,15 @@ class _InTask:
         self.task.add_done_callback(ended.done)
 
 
-def _first_step(prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]) -> Any:
+def _first_step(
+    prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
+) -> tuple[Any, bool]:
+    """Return the return value and True, or what the coroutine waits for and False."""
     prepare()
-    return coroutine.send(None)
+    try:
+        return coroutine.send(None), False
+    except StopIteration as done:
+        return done.value, True
 
 
 @types.coroutine

@@ -587,7 +587,7 @@ SERVING = [
 DIFFERENCES = [
     *((plain_serving, "_plain", *texts) for texts in PLAIN),
     *((Session, "serve", *texts) for texts in SERVING),
-    (Service, "_begin", "done.value, self._answer", "done.value, self._continue"),
+    (Service, "_begin", "self._answer if", "self._continue if"),
     (Deduplicator, "admit", "self._new += 1", "pass"),
     (Deduplicator, "admit", "arrived + clock.offset", "arrived"),
     (Deduplicator, "complete", "arrived + clock.offset", "arrived"),
