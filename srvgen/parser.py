@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
+
+from msgspec import Struct
 
 from .definitions import limits
 from .definitions.field_types import parse_type
@@ -93,14 +95,14 @@ def parse_action(text: str, package: str, name: str, *, path: str = "") -> Actio
     return action
 
 
-class _Span(NamedTuple):
+class _Span(Struct, frozen=True):
     """The lines of one section: from `start` up to, not including, `end`."""
 
     start: int
     end: int
 
 
-class _Entry(NamedTuple):
+class _Entry(Struct, frozen=True):
     """A field or constant; comment lines may still be added to it."""
 
     element: Callable[..., Field | Constant]
@@ -344,8 +346,8 @@ def _check_length(text: str, path: str) -> None:
 
 
 def _build(entry: _Entry) -> Field | Constant:
-    comment, unit = read_comment(entry.comments)
-    return entry.element(*entry.arguments, comment, unit, entry.line, entry.column)
+    comment = read_comment(entry.comments)
+    return entry.element(*entry.arguments, comment.lines, comment.unit, entry.line, entry.column)
 
 
 def _article(noun: str) -> str:

@@ -12,6 +12,7 @@ from enum import Enum
 from typing import TYPE_CHECKING, Any, Final, Generic
 
 from taskrpc.core.attempts import Attempts
+from taskrpc.core.transport.base import DEFAULT_TIMEOUT as DEFAULT_TIMEOUT  # noqa: PLC0414
 from taskrpc.core.transport.base import OnDone
 from taskrpc.core.transport.channel import RemoteChannel
 from taskrpc.core.transport.codec import ServiceType
@@ -26,9 +27,6 @@ from taskrpc.retry import RetryBudget, RetryPolicy
 
 if TYPE_CHECKING:
     from taskrpc.core.observer import Observer
-
-DEFAULT_TIMEOUT = 10.0
-"""Seconds."""
 
 
 class Unset(Enum):
@@ -223,7 +221,8 @@ def send_in_thread(
     policy = client._retry if retry is UNSET else retry
     if channel is None or policy is not None:
         return None
-    return channel.send_in_thread(request, client._deadline(timeout))
+    left = client._left if timeout is UNSET else 0
+    return channel.send_in_thread(request, client._deadline(timeout), left)
 
 
 def send_in_thread_then(
@@ -233,7 +232,8 @@ def send_in_thread_then(
     channel = client._thread_channel
     if channel is None or client._retry is not None:
         return None
-    return channel.send_in_thread_then(request, client._deadline(timeout), on_done)
+    left = client._left if timeout is UNSET else 0
+    return channel.send_in_thread_then(request, client._deadline(timeout), on_done, left)
 
 
 def checked_timeout(timeout: float | None, what: str = "timeout") -> float | None:

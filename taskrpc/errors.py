@@ -330,9 +330,8 @@ class StoreError(TaskRpcError):
     not_executed = True
 
 
-_PATH = re.compile(
-    r"(?<![^\s('\"])(?:[A-Za-z]:[\\/]|\\\\|~?/|\.{1,2}[\\/])[^\s'\",;)]*[^\s'\",;:)]"
-)
+_PATH = r"(?<![^\s('\"])(?:[A-Za-z]:[\\/]|\\\\|~?/|\.{1,2}[\\/])[^\s'\",;)]*[^\s'\",;:)]"
+"""Python compiles the pattern when the first error is sent."""
 
 
 def text_for_callers(error: TaskRpcError) -> str:
@@ -341,7 +340,7 @@ def text_for_callers(error: TaskRpcError) -> str:
     for file in sorted(error.files, key=len, reverse=True):
         text = text.replace(f"{file}: ", "").replace(file, "the server's file")
     # Users' own stores do not list the paths in their texts.
-    return _PATH.sub("…", text)
+    return re.sub(_PATH, "…", text)
 
 
 def _rebuild_name(name: str, index: int, kind: str, problem: str) -> InvalidName:

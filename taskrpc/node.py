@@ -14,12 +14,10 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 from srvgen import excepthook
-from taskrpc.client import DEFAULT_TIMEOUT, Client, ObservedClient
 from taskrpc.core import names
 from taskrpc.core.request_ids.ids import CompletionStore
 from taskrpc.core.security.roles import Accounts, Role
-from taskrpc.core.security.tls import Tls
-from taskrpc.core.transport.base import Mode, OnMismatch, ProgramStatistics
+from taskrpc.core.transport.base import DEFAULT_TIMEOUT, Mode, OnMismatch, ProgramStatistics
 from taskrpc.core.transport.discovery.entries import RegistryEntry
 from taskrpc.core.transport.endpoint import Endpoint
 from taskrpc.core.transport.shared_endpoint import lab_namespace, shared_endpoint
@@ -39,16 +37,18 @@ from taskrpc.message_types import (
 )
 from taskrpc.program import show_errors_in_one_message, stop_requested
 from taskrpc.qos import QoS, qos_of
-from taskrpc.retry import RetryPolicy
 
 if TYPE_CHECKING:
     from taskrpc.actions.client import ActionClient
     from taskrpc.actions.server import ActionServer
     from taskrpc.actions.server_goal import AcceptCancel, AcceptGoal, Execute
+    from taskrpc.client import Client
     from taskrpc.core.introspection import IntrospectionState, ServiceIntrospection
     from taskrpc.core.observer import NodeStatus, Observer, TopicStatus
+    from taskrpc.core.security.tls import Tls
     from taskrpc.core.transport.connection.incoming_call import RouteFaults
     from taskrpc.deferred import DeferredService, Take
+    from taskrpc.retry import RetryPolicy
     from taskrpc.service import Callback, Service
     from taskrpc.timer import Timer
     from taskrpc.topic import Publisher, Subscription
@@ -671,6 +671,8 @@ class Node:
             call_observer(method, self._observer)
 
     def _client_maker(self) -> Callable[..., Client[Any, Any]]:
+        from taskrpc.client import Client, ObservedClient  # many programs only serve
+
         if self._observer is None:
             return Client
         return partial(ObservedClient, self._observer)

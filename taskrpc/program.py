@@ -10,7 +10,6 @@ from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Any, TypeVar, cast
 
 from taskrpc import errors
-from taskrpc.core.system import signals
 from taskrpc.errors import ServiceUnavailable, TaskRpcError, WouldDeadlock
 
 _Result = TypeVar("_Result")
@@ -23,6 +22,8 @@ async def stop_requested() -> AsyncIterator[asyncio.Future[int]]:
     Its result is the signal's number. Signals are caught while the block runs; a second one ends
     the program at once.
     """
+    from taskrpc.core.system import signals  # a program that does not spin needs none
+
     loop = asyncio.get_running_loop()
     stopped: asyncio.Future[int] = loop.create_future()
 

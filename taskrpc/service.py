@@ -16,18 +16,18 @@ import msgspec
 from taskrpc.core.callinfo import Denied, answering
 from taskrpc.core.execution.callbacks import (
     HOLDS_LOOP_AFTER,
-    DaemonThreads,
     as_coroutine,
     check_callback,
     check_count,
-    end_program,
     run_to_end,
+    threads_for,
 )
 from taskrpc.core.execution.eager_start import EagerStarter
 from taskrpc.core.execution.fair_queue import FairQueue
 from taskrpc.core.request_ids.ids import CompletionStore
 from taskrpc.core.security.roles import Role
-from taskrpc.core.transport.base import IncomingCall, Mode, Offer, PlainService
+from taskrpc.core.system.signals import end_program
+from taskrpc.core.transport.base import Begun, GoOn, IncomingCall, Mode, Offer, PlainService
 from taskrpc.core.transport.codec import ServiceType, codec_of
 from taskrpc.core.transport.connection.deadline_timer import TICK, clock_of
 from taskrpc.core.transport.connection.incoming_call import answer_unexpected
@@ -47,6 +47,7 @@ from taskrpc.message_types import RequestT, ResponseT
 
 if TYPE_CHECKING:
     from taskrpc.core.exactly_once import Deduplicator, Effect
+    from taskrpc.core.execution.daemon_threads import DaemonThreads
     from taskrpc.core.observer import Observer, ServiceStatus
 
 log = logging.getLogger("taskrpc.server")
@@ -105,6 +106,7 @@ class Service:
             waiting=self._waiting,
             returned=self._continue,
             raised=self._break_off,
+            begin=self._begin,
             finished=self._finished,
             held=self._held_loop,
             holds_after=HOLDS_LOOP_AFTER,
@@ -121,7 +123,7 @@ class Service:
         self._destroyed = False
         self.finished: asyncio.Future[None] = self._loop.create_future()
         """Done once the service is destroyed and has answered its last call."""
-        self._threads = DaemonThreads(concurrency, f"taskrpc {name}") if threaded else None
+        self._threads = threads_for(concurrency, name, threaded=threaded)
         self._warned = False
         """Whether the log has the warning about a callback that held the event loop."""
         self._transport = transport
@@ -148,7 +150,12 @@ class Service:
         if deduplicator is not None:
             serve, store_id, mode = deduplicator.arrived, deduplicator.store_id, Mode.EXACTLY_ONCE
         name, srv_type = self.service_name, self.srv_type
-        plain = self._load if deduplicator is None and self._threads is None else None
+        plain = self._load if self._threads is None else None
+        if deduplicator is not None:
+            if deduplicator.is_plain:
+                self._load.once = deduplicator
+            else:
+                plain = None
         return Offer(name, srv_type, node, serve, mode, join, store_id, observer, role, plain)
 
     def _close_deduplicator(self) -> None:
@@ -240,7 +247,6 @@ class Service:
         try:
             if result.__class__ is not self._response and hasattr(result, "__await__"):
                 if self._run_async(call, result, began):
-                    self._check_held(began)
                     return
             else:
                 self._returned(call, result)
@@ -248,6 +254,16 @@ class Service:
             self._break_off(call, error, began)
         else:
             self._end(call, began)
+
+    def _begin(self, call: Any, coroutine: Coroutine[Any, Any, Any]) -> tuple[Any, GoOn]:
+        """Run the first step of a coroutine; see `PlainService.begin`."""
+        result, has_ended = self._starter.begin(partial(answering.set, call), coroutine)
+        return result, self._answer if has_ended else self._suspended
+
+    def _answer(self, call: IncomingCall, response: Any, began: float) -> None:
+        """Answer a call with what its coroutine has returned."""
+        self._returned(call, response)
+        self._end(call, began)
 
     def _break_off(self, call: IncomingCall, error: BaseException, began: float) -> None:
         """Answer a call whose callback has raised."""
@@ -287,22 +303,26 @@ class Service:
                 return False
             call.on_cancel = result.cancel
             self._await(result, call, began)
+            self._check_held(began)
             return True
         else:
             coroutine = as_coroutine(result)
-        # An exactly-once service stores the response first, which would need another task.
-        ended = _AsyncCall(self, call) if self._deduplicator is None else None
-        try:
-            job = self._starter.start(partial(answering.set, call), coroutine, ended)
-        except StopIteration as done:
-            self._returned(call, done.value)
+        begun, go_on = self._begin(call, coroutine)
+        if go_on == self._answer:
+            self._returned(call, begun)
             return False
-        call.on_cancel = job.cancel
-        if ended is None:
-            self._await(job, call, began)
-        else:
-            self._jobs[call] = job, began
+        self._suspended(call, begun, began)
         return True
+
+    def _suspended(self, call: IncomingCall, begun: Begun, began: float) -> None:
+        """Answer a call at the end of its coroutine, which has suspended."""
+        call.on_cancel = begun.task.cancel
+        if self._deduplicator is None:
+            begun.then(_AsyncCall(self, call))
+            self._jobs[call] = begun.task, began
+        else:  # the response is stored first, which would need another task
+            self._await(begun.task, call, began)
+        self._check_held(began)
 
     def _run_in_thread(
         self, threads: DaemonThreads, call: IncomingCall, response: Any, began: float

@@ -32,7 +32,8 @@ if TYPE_CHECKING:
         create_completion_tables,
         read_stored_completions,
     )
-    from taskrpc.core.execution.callbacks import DaemonThreads, problem_of_callback
+    from taskrpc.core.execution.callbacks import problem_of_callback
+    from taskrpc.core.execution.daemon_threads import DaemonThreads
     from taskrpc.core.introspection import SUFFIX, IntrospectionState, gid_of, service_event
     from taskrpc.core.observer import Connections, ObservedNode, Outgoing, TopicStatus
     from taskrpc.core.request_ids.ids import (
@@ -147,7 +148,8 @@ _HOMES = {
     "core.exactly_once.stores": (
         "clear_completions create_completion_tables read_stored_completions"
     ),
-    "core.execution.callbacks": "DaemonThreads problem_of_callback",
+    "core.execution.callbacks": "problem_of_callback",
+    "core.execution.daemon_threads": "DaemonThreads",
     "core.introspection": "SUFFIX IntrospectionState gid_of service_event",
     "core.observer": "Connections ObservedNode Outgoing TopicStatus",
     "core.request_ids.ids": "ClientKey Completion CompletionStore ReceivedId StoredCompletions",

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-import secrets
 from typing import Any
 
 import srvgen
@@ -75,6 +74,8 @@ class _Idle(asyncio.Protocol):
     """A connection that shakes hands, answers pings and calls nothing."""
 
     def __init__(self, token: bytes) -> None:
+        import secrets  # costs a server's start more than a tenth of its event loop
+
         from taskrpc.core.wire.handshake import Identity
         from taskrpc.core.wire.session import Session
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any, NamedTuple
+from typing import Any
 from weakref import WeakValueDictionary, finalize
 
 import msgspec
@@ -23,7 +23,7 @@ from ..definitions.lines import split_full_text
 from ..definitions.model import Definition, MessageDef
 from ..definitions.names import split_type_name
 from ..errors import DefinitionError, InvalidText
-from ..files.archive import ARCHIVE
+from ..files import archive
 from ..files.dependencies import full_text, joined_text, with_dependencies
 from ..files.reading import parse_definition
 from ..files.search import Search, bundled_text
@@ -44,7 +44,7 @@ _runtime_module: ModuleType = _runtime
 """The runtime that new modules use: `_runtime`, or that of `rosidl_classes`."""
 
 
-class _ModuleKey(NamedTuple):
+class _ModuleKey(msgspec.Struct, frozen=True):
     """Two modules with equal keys are the same, no matter where their definitions come from."""
 
     definition: str
@@ -53,7 +53,7 @@ class _ModuleKey(NamedTuple):
     nested: tuple[type, ...]
 
 
-class _Loaded(NamedTuple):
+class _Loaded(msgspec.Struct, frozen=True):
     """A module, and the state of the files it was made from."""
 
     module: ModuleType
@@ -169,7 +169,7 @@ def _load(owner: str) -> _Loaded:
 
 def _stamp(path: Path) -> _Stamp:
     try:
-        status = (ARCHIVE if ARCHIVE in path.parents else path).stat()
+        status = archive.file_of(path).stat()
     except OSError:
         return path, 0, 0
     return path, status.st_mtime_ns, status.st_size

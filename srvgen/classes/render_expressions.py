@@ -6,7 +6,8 @@ import keyword
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from ..definitions.literals import unescape
 from ..definitions.model import Field, FieldType, MessageDef, Scalar, Value
@@ -25,11 +26,9 @@ _BUILTINS = frozenset("bool int float str bytes list".split())
 _RESERVED = frozenset({"get_fields_and_field_types"})
 
 _WIDTH = 100
-_UNUSUAL = re.compile("[^ -~]")
 
 
-@dataclass(frozen=True, slots=True)
-class Scope:
+class Scope(Struct, frozen=True):
     """The names that the body of one generated class can use."""
 
     classes: Mapping[str, str]
@@ -201,7 +200,7 @@ def _escaped(text: str) -> str:
     # Security: a definition must not be able to end a literal, and invisible characters must not
     # make the source look different in an editor. So all unprintable characters are escaped.
     text = text.replace("\\", "\\\\").replace("\n", "\\n")
-    return text if text.isprintable() else _UNUSUAL.sub(_escaped_character, text)
+    return text if text.isprintable() else re.sub("[^ -~]", _escaped_character, text)
 
 
 def _escaped_character(match: re.Match[str]) -> str:

@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+
+from msgspec import Struct
 
 SEPARATOR = "---"
 
+# Python compiles these two patterns when a text first needs them: most programs never do.
+
 # Also matches brackets that are not closed: otherwise the search would start again at each bracket
 # and take quadratic time for a text of a million brackets.
-_BRACKET = re.compile(r"\[([^,\]]*)(?:\]|,|\Z)")
-
+_BRACKET = r"\[([^,\]]*)(?:\]|,|\Z)"
 
 _RULE = "=" * 80
-_HEADING = re.compile(rf"\n{_RULE}\nMSG: (\S+)\n")
+_HEADING = rf"\n{_RULE}\nMSG: (\S+)\n"
 
 
-class Comment(NamedTuple):
+class Comment(Struct, frozen=True):
     """The comment of a definition, or of one field or constant."""
 
     lines: tuple[str, ...] = ()
@@ -72,7 +74,7 @@ def join_full_text(text: str, needed: Mapping[str, str]) -> str:
 
 def split_full_text(text: str) -> tuple[str, dict[str, str]]:
     """Split a full text: the text of the definition, and the texts of its dependencies by name."""
-    own, *rest = _HEADING.split(text)
+    own, *rest = re.split(_HEADING, text)
     return own, dict(zip(rest[::2], rest[1::2], strict=True))
 
 
@@ -85,7 +87,7 @@ def _dedented(lines: Sequence[str]) -> list[str]:
 
 def _take_unit(text: str) -> tuple[str, str | None]:
     """The text without its only `[unit]`, and that unit; the same text and None otherwise."""
-    units = [one for one in _BRACKET.finditer(text) if one[1] and one[0].endswith("]")]
+    units = [one for one in re.finditer(_BRACKET, text) if one[1] and one[0].endswith("]")]
     if len(units) != 1:
         return text, None
     (only,) = units

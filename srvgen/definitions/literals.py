@@ -19,10 +19,8 @@ CURLY = "\u201c\u201d\u201e\u2018\u2019"
 """The quotation marks of word processors; definitions accept only straight ones."""
 
 _BOOLS = {"true": True, "1": True, "false": False, "0": False}
-_SPACES = re.compile(" +")
-_ESCAPE = re.compile(
-    r"""\\(?:u[0-9a-fA-F]{4}|U[0-9a-fA-F]{8}|x[0-9a-fA-F]{2}|[0-7]{1,3}|[abfnrtv\\'"])"""
-)
+_ESCAPE = r"""\\(?:u[0-9a-fA-F]{4}|U[0-9a-fA-F]{8}|x[0-9a-fA-F]{2}|[0-7]{1,3}|[abfnrtv\\'"])"""
+"""Python compiles the pattern when a string first needs it: few definitions have escapes."""
 
 
 def parse_scalar(text: str, base: str, string_bound: int | None = None) -> Scalar:
@@ -72,7 +70,7 @@ def unescape(value: str) -> str:
     """
     if "\\" not in value:
         return value
-    return _ESCAPE.sub(_resolved_escape, value)
+    return re.sub(_ESCAPE, _resolved_escape, value)
 
 
 def _resolved_escape(match: re.Match[str]) -> str:
@@ -186,7 +184,7 @@ def _string_elements(inner: str) -> list[tuple[int, str]]:
 
 
 def _after_spaces(text: str, at: int) -> int:
-    found = _SPACES.match(text, at)
+    found = re.compile(" +").match(text, at)
     return found.end() if found else at
 
 

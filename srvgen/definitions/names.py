@@ -9,11 +9,11 @@ from typing import Literal, NamedTuple, cast, get_args
 from ..errors import DefinitionError
 from .model import Kind
 
-_LOWER = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
-_MESSAGE = re.compile(r"[A-Z][A-Za-z0-9]*")
-_CONSTANT = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*")
-_WORD_ENDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|[^A-Za-z0-9]+")
-_UNDERSCORES = re.compile("_+")
+# Python compiles a pattern at its first use: a program needs few of them.
+_LOWER = r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*"
+_MESSAGE = r"[A-Z][A-Za-z0-9]*"
+_CONSTANT = r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*"
+_WORD_ENDS = r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|[^A-Za-z0-9]+"
 _KINDS = frozenset(get_args(Kind))
 # The official tools remove each suffix once, in this order.
 _SECTION_SUFFIXES = ("_Request", "_Response", "_Goal", "_Result", "_Feedback")
@@ -54,12 +54,12 @@ def names_in_folder(kind: Kind, name: str) -> list[str]:
 
 def is_package_name(name: str) -> bool:
     """Whether ROS 2 accepts the name for a package."""
-    return _LOWER.fullmatch(name) is not None
+    return re.fullmatch(_LOWER, name) is not None
 
 
 def is_field_name(name: str) -> bool:
     """Whether ROS 2 accepts the name for a field."""
-    return _LOWER.fullmatch(name) is not None
+    return re.fullmatch(_LOWER, name) is not None
 
 
 def is_message_name(name: str) -> bool:
@@ -67,18 +67,18 @@ def is_message_name(name: str) -> bool:
     name = name.removeprefix("Sample_")
     for suffix in _SECTION_SUFFIXES:
         name = name.removesuffix(suffix)
-    return _MESSAGE.fullmatch(name) is not None
+    return re.fullmatch(_MESSAGE, name) is not None
 
 
 def is_constant_name(name: str) -> bool:
     """Whether ROS 2 accepts the name for a constant."""
-    return _CONSTANT.fullmatch(name) is not None
+    return re.fullmatch(_CONSTANT, name) is not None
 
 
 def first_invalid(name: str, kind: Literal["field", "constant", "message"]) -> int:
     """The offset of the first invalid character of a name; use "field" for packages too."""
     rule = {"field": _LOWER, "constant": _CONSTANT, "message": _MESSAGE}[kind]
-    found = rule.match(name)
+    found = re.match(rule, name)
     end = found.end() if found else 0
     # An underscore is valid before a letter, so the invalid character is the one after it.
     only_last = end + 1 >= len(name) or not found
@@ -87,7 +87,7 @@ def first_invalid(name: str, kind: Literal["field", "constant", "message"]) -> i
 
 def snake_case(name: str) -> str:
     """`maxSpeed` → `max_speed`: a name as a field or a package has it."""
-    return _UNDERSCORES.sub("_", _WORD_ENDS.sub("_", name)).strip("_").lower()
+    return re.sub("_+", "_", re.sub(_WORD_ENDS, "_", name)).strip("_").lower()
 
 
 def camel_case(name: str) -> str:

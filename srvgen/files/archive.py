@@ -8,6 +8,7 @@ the archive were a folder: `interfaces.zip/nav2_msgs/msg/Costmap.msg`.
 from __future__ import annotations
 
 import atexit
+import os
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
@@ -16,6 +17,7 @@ from zipimport import ZipImportError, zipimporter  # far faster to import than z
 
 ARCHIVE = Path(__file__).parents[1] / "interfaces.zip"
 
+_INSIDE = f"{ARCHIVE}{os.sep}"
 _MARK = "=== "
 """The beginning of a line with the name of a file; no definition has such a line."""
 
@@ -43,12 +45,16 @@ def joined(texts: Mapping[str, str]) -> str:
     return "".join(f"{_MARK}{name}\n{text}" for name, text in texts.items())
 
 
+def file_of(path: Path) -> Path:
+    """The file that has the text of a path: the archive for a path in it, otherwise the path."""
+    return ARCHIVE if _is_inside(path) else path
+
+
 def text_of(path: Path) -> str | None:
     """The text of a file in the archive; None for any other path."""
-    try:
-        package, *inner = path.relative_to(ARCHIVE).parts
-    except ValueError:
+    if not _is_inside(path):
         return None
+    package, *inner = path.relative_to(ARCHIVE).parts
     return definitions(package).get("/".join(inner))
 
 
@@ -78,6 +84,10 @@ def _temporary_folder() -> Path:
     folder = TemporaryDirectory(prefix="srvgen-")
     atexit.register(folder.cleanup)
     return Path(folder.name)
+
+
+def _is_inside(path: Path) -> bool:
+    return str(path).startswith(_INSIDE)  # `in path.parents` would make an object of each
 
 
 def _read(name: str) -> str:

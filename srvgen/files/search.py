@@ -9,6 +9,7 @@ import threading
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Generic, TypeVar
 
 from ..definitions.derived import derived_types
 from ..definitions.model import Definition, Kind
@@ -24,8 +25,24 @@ BUNDLED = Path(__file__).parents[1] / "interfaces"
 
 _INCLUDED = (BUNDLED, ARCHIVE)
 
+T = TypeVar("T")
+
 _log = logging.getLogger("srvgen")
 _logged: set[tuple[Path, str]] = set()
+
+
+class _Repeatable(Generic[T]):
+    """The items of an iterator, for any number of loops; reads only as far as a loop needs."""
+
+    def __init__(self, items: Iterator[T]) -> None:
+        self._items = items
+        self._known: list[T] = []
+
+    def __iter__(self) -> Iterator[T]:
+        yield from self._known
+        for item in self._items:
+            self._known.append(item)
+            yield item
 
 
 class _LookupCache:
@@ -39,7 +56,7 @@ class _LookupCache:
         self.roots: list[Path] = []
         self.packages: dict[str, list[Path]] = {}
         self.interfaces: dict[str, list[str]] = {}
-        self.folders: dict[str, list[Path]] = {}
+        self.folders: dict[str, _Repeatable[Path]] = {}
         self.types: dict[TypeName, tuple[Path, TypeName] | None] = {}
 
 
@@ -249,7 +266,7 @@ class Search:
         if name not in cache.types:
             cache.roots = cache.roots or list(self._roots())
             if name.package not in cache.folders:
-                cache.folders[name.package] = list(_folders_of(name.package, cache.roots))
+                cache.folders[name.package] = _Repeatable(_folders_of(name.package, cache.roots))
             cache.types[name] = self._look(name, cache.folders[name.package])
         return cache.types[name]
 
@@ -277,7 +294,7 @@ class Search:
 
     def _read(self, path: Path, package: str) -> Definition:
         try:
-            status = (ARCHIVE if ARCHIVE in path.parents else path).stat()
+            status = archive.file_of(path).stat()
         except OSError:  # deleted since it was found: `read_definition` raises the error
             return read_definition(path, package)
         stamp = (status.st_mtime_ns, status.st_size)

@@ -27,15 +27,15 @@ from taskrpc.core.callinfo import current_call
 from taskrpc.core.exactly_once.stores import MemoryCompletions
 from taskrpc.core.execution.callbacks import (
     HOLDS_LOOP_AFTER,
-    DaemonThreads,
     check_callback,
     check_count,
-    end_program,
     run_to_end,
+    threads_for,
 )
 from taskrpc.core.execution.eager_start import EagerStarter
 from taskrpc.core.request_ids.ids import CompletionStore
 from taskrpc.core.security.roles import Role
+from taskrpc.core.system.signals import end_program
 from taskrpc.core.transport.codec import codec_of
 from taskrpc.core.transport.time_of_day import time_of_day_ns
 from taskrpc.deferred import DeferredCall, DeferredService
@@ -160,7 +160,7 @@ class ActionServer:
         """The cancellations of `stop`."""
         self._destroyed = self._is_abandoned = self._has_warned = False
         self._starter = EagerStarter(self._loop, self._held_loop)
-        self._threads = DaemonThreads(concurrency, f"taskrpc {action_name}") if threaded else None
+        self._threads = threads_for(concurrency, action_name, threaded=threaded)
         self.services: list[Service | DeferredService] = []
         """The three services; they end with the action server and not before."""
         parts = names_of(action_name)

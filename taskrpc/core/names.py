@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import re
+import string
 
 from taskrpc.errors import InvalidName
 
 _MAX_NODE, _MAX_NAMESPACE, _MAX_TOPIC = 255, 245, 247
-_NOT_WORD = re.compile(r"[^A-Za-z0-9_]")
-_NOT_PATH = re.compile(r"[^A-Za-z0-9_/]")
-_WELL_FORMED = re.compile(r"(?:\A~|[A-Za-z0-9_/]|\{(?:[A-Za-z_][A-Za-z0-9_]*)?\})*")
-_OPEN_SUBSTITUTION = re.compile(r"\{[A-Za-z0-9_]*")
-_DIGIT_TOKEN = re.compile(r"(?:^|/)(?=[0-9])")
-_SUBSTITUTION = re.compile(r"\{([^{}]*)\}")
-_SLASHES = re.compile("/{2,}")
+_DIGITS = frozenset(string.digits)
+_WORD = frozenset(f"{string.ascii_letters}{string.digits}_")
+_PATH = _WORD | {"/"}
+# Python compiles these patterns when a name first needs them: most names have no `~` and no `{`.
+_WELL_FORMED = r"(?:\A~|[A-Za-z0-9_/]|\{(?:[A-Za-z_][A-Za-z0-9_]*)?\})*"
+_OPEN_SUBSTITUTION = r"\{[A-Za-z0-9_]*"
+_SUBSTITUTION = r"\{([^{}]*)\}"
 _DIGIT_PROBLEM = "topic name token must not start with a number"
 _OTHER_CHARACTER = (
     "topic name must not contain characters other than alphanumerics, '_', '~', '{', or '}'"
@@ -30,9 +31,8 @@ def check_node_name(name: str) -> str:
     """Return a node's name, or raise `InvalidName` with the offending character."""
     kind = "node name"
     _refuse_if(not name, name, 0, kind, "node name must not be empty")
-    if found := _NOT_WORD.search(name):
-        problem = "node name must not contain characters other than alphanumerics or '_'"
-        raise _invalid(name, found.start(), kind, problem)
+    problem = "node name must not contain characters other than alphanumerics or '_'"
+    _refuse_others(name, _WORD, kind, problem)
     _refuse_if(name[0].isdigit(), name, 0, kind, "node name must not start with a number")
     _check_length(name, _MAX_NODE, kind)
     return name
@@ -42,9 +42,8 @@ def check_namespace(namespace: str) -> str:
     """Return an absolute namespace (`""` becomes `/`, `robot1` becomes `/robot1`), or raise."""
     kind = "namespace"
     name = namespace if namespace.startswith("/") else f"/{namespace}"
-    if found := _NOT_PATH.search(name):
-        problem = "namespace must not contain characters other than alphanumerics, '_', or '/'"
-        raise _invalid(name, found.start(), kind, problem)
+    problem = "namespace must not contain characters other than alphanumerics, '_', or '/'"
+    _refuse_others(name, _PATH, kind, problem)
     ends = len(name) > 1 and name.endswith("/")
     _refuse_if(
         ends, name, len(name) - 1, kind, "namespace must not end with a '/', unless only a '/'"
@@ -69,7 +68,9 @@ def expand(name: str, *, namespace: str = "/", node: str = "", kind: str = "serv
     elif not expanded.startswith("/"):
         expanded = fully_qualified(namespace, expanded)
     # A namespace brings slashes of its own: `/{ns}/x` in `/a` means `/a/x`, not `//a/x`.
-    expanded = _SLASHES.sub("/", f"/{expanded}")
+    expanded = f"/{expanded}"
+    while "//" in expanded:
+        expanded = expanded.replace("//", "/")
     _check_whole(expanded, kind)
     return expanded
 
@@ -90,7 +91,7 @@ def check_unexpanded(
     _refuse_if(not name, name, 0, kind, "topic name must not be empty string")
     _check_end(name, kind, "forward slash")
     _refuse_if(name[0] in "0123456789", name, 0, kind, _DIGIT_PROBLEM)
-    index = _end_of(_WELL_FORMED, name, 0)
+    index = len(name) if _PATH.issuperset(name) else _end_of(_WELL_FORMED, name, 0)
     if index < len(name):
         index, problem = _broken_at(name, index)
         raise _invalid(name, index, kind, problem)
@@ -138,20 +139,21 @@ def _broken_at(name: str, index: int) -> tuple[int, str]:
 
 
 def _substituted(name: str, namespace: str, node: str, kind: str) -> str:
+    if "{" not in name:
+        return name
     values = {"node": node, "ns": namespace, "namespace": namespace}
-    for found in _SUBSTITUTION.finditer(name):
+    for found in re.finditer(_SUBSTITUTION, name):
         problem = f"unknown substitution '{found[0]}', expected {{node}} or {{ns}}"
         _refuse_if(found[1] not in values, name, found.start() + 1, kind, problem)
         nowhere = not values[found[1]]
         problem = f"'{found[0]}' stands for a {found[1]}, and there is none here"
         _refuse_if(nowhere, name, found.start() + 1, kind, problem)
-    return _SUBSTITUTION.sub(lambda found: values[found[1]], name)
+    return re.sub(_SUBSTITUTION, lambda found: values[found[1]], name)
 
 
 def _check_whole(name: str, kind: str) -> None:
     _check_end(name, kind, "'/'")
-    if found := _NOT_PATH.search(name):
-        raise _invalid(name, found.start(), kind, _OTHER_THAN_PATH)
+    _refuse_others(name, _PATH, kind, _OTHER_THAN_PATH)
     _check_tokens(name, kind, _DIGIT_PROBLEM)
     _check_length(name, _MAX_TOPIC, kind)
 
@@ -161,8 +163,8 @@ def _check_end(name: str, kind: str, slash: str) -> None:
     _refuse_if(name.endswith("/"), name, len(name) - 1, kind, problem)
 
 
-def _end_of(pattern: re.Pattern[str], name: str, start: int) -> int:
-    found = pattern.match(name, start)
+def _end_of(pattern: str, name: str, start: int) -> int:
+    found = re.compile(pattern).match(name, start)
     return found.end() if found else start
 
 
@@ -173,13 +175,22 @@ def _check_tokens(
     subject = kind if kind == "namespace" else "topic name"
     problem = f"{subject} must not contain repeated '/'"
     _refuse_if(repeated >= 0, name, repeated + 1, kind, problem)
-    if found := _DIGIT_TOKEN.search(name):
-        raise _invalid(name, found.end(), kind, digit_problem)
+    index = 0
+    for token in name.split("/"):
+        _refuse_if(token[:1] in _DIGITS, name, index, kind, digit_problem)
+        index += len(token) + 1
 
 
 def _check_length(name: str, limit: int, kind: str) -> None:
     problem = f"{kind} must not be longer than {limit} characters"
     _refuse_if(len(name) > limit, name, limit, kind, problem)
+
+
+def _refuse_others(name: str, allowed: frozenset[str], kind: str, problem: str) -> None:
+    """Raise `InvalidName` at the first character that is not allowed."""
+    if not allowed.issuperset(name):
+        index = next(at for at, character in enumerate(name) if character not in allowed)
+        raise _invalid(name, index, kind, problem)
 
 
 def _refuse_if(wrong: bool, name: str, index: int, kind: str, problem: str) -> None:

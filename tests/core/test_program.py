@@ -253,9 +253,15 @@ async def test_only_the_registry_of_this_machine_gives_suggestions(peers):
     assert program.suggestion(ValueError()) == ""
 
 
-@pytest.mark.parametrize("name", ["concurrent", "queue"])
-def test_a_file_that_hides_a_module_of_python_is_named(tmp_path, name):
-    status, text = run_script(tmp_path, "import taskrpc.sync\n", **{name: ""})
+@pytest.mark.parametrize(
+    ("name", "script"),
+    [
+        ("concurrent", "import taskrpc.sync\n"),
+        ("queue", "from taskrpc.spi import DaemonThreads\n"),
+    ],
+)
+def test_a_file_that_hides_a_module_of_python_is_named(tmp_path, name, script):
+    status, text = run_script(tmp_path, script, **{name: ""})
     file = tmp_path / f"{name}.py"
     assert status == 1
     assert text.startswith("caller.py:1: ")

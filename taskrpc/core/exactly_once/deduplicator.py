@@ -130,6 +130,10 @@ class Deduplicator:
                 self._answer_repetition(call, received, verdict, ledger)
                 return
             self._new += 1
+        self._serve(self._execution(call, now))
+
+    def _execution(self, call: IncomingCall, now: float) -> Execution:
+        """Return the execution of a new request; `now` is its arrival on the lease clock."""
         execution = Execution(
             service=call.service,
             caller=call.caller,
@@ -139,15 +143,65 @@ class Deduplicator:
             deadline=call.deadline,
             clock=call.clock,
             request=call.request,
-            received_id=received,
+            received_id=call.received_id,
             arrived=now,
             owner=self,
             callers=[call],
         )
         call.on_cancel = execution.remove_cancelled
-        if received is not None:
-            received.execution = execution
-        self._serve(execution)
+        if call.received_id is not None:
+            call.received_id.execution = execution
+        return execution
+
+    # The plain path: a new request whose callback returns at once, and a store that completes it
+    # at once. A test compares it with the general path.
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether connections may run the calls themselves."""
+        return getattr(self._store, "completes_at_once", False) and self._shared is None
+
+    def admit(self, principal: str, received: ReceivedId, arrived: float) -> bool:
+        """Whether a request is new; it counts as running then."""
+        state = self._state
+        ledger, clock = state.ledger, state.clock
+        if ledger is None or clock is None:
+            return False
+        now = arrived + clock.offset
+        if now >= state.next_expiry or ledger.decide(principal, received, now) is not _NEW:
+            return False  # `arrived` decides it again
+        self._new += 1
+        return True
+
+    def complete(self, principal: str, received: ReceivedId, body: bytes, arrived: float) -> None:
+        """Store the encoded response of an admitted request."""
+        clock = self._state.clock
+        assert clock is not None, "a request was admitted"
+        completion = Completion(
+            principal,
+            received.client,
+            received.sequence,
+            received.first_incomplete,
+            received.fingerprint,
+            body,
+            0,
+            arrived + clock.offset,
+        )
+        self._store.complete(completion, None)
+        self._state.stored(completion, received)
+
+    def executed(self, call: IncomingCall, *, is_over: bool) -> Execution:
+        """Return the execution of an admitted request; one that is over answers nobody."""
+        clock = self._state.clock
+        assert clock is not None, "a request was admitted"
+        execution = self._execution(call, call.arrived + clock.offset)
+        execution.started = True
+        if is_over:
+            execution.callers, execution.is_storing = [], True
+            call.on_cancel = None
+            if call.received_id is not None:
+                call.received_id.execution = None
+        return execution
 
     # The end of an execution
 

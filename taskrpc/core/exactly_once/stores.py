@@ -53,6 +53,9 @@ class MemoryCompletions:
         schema: statements that create the service's own tables, as for `SqliteCompletions`.
     """
 
+    completes_at_once = True
+    """`complete` returns when everything is done, and cannot fail without an effect."""
+
     def __init__(self, schema: Sequence[str] = ()) -> None:
         self._store_id = present_chance().randbytes(16)
         self._index = CompletionIndex()

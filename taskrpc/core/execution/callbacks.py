@@ -1,4 +1,4 @@
-"""Runs the callbacks of subscriptions and timers, one call at a time, and provides threads."""
+"""Checks callbacks, and runs those of subscriptions and timers, one call at a time."""
 
 from __future__ import annotations
 
@@ -6,15 +6,16 @@ import asyncio
 import inspect
 import logging
 import operator
-import threading
 from collections.abc import Awaitable, Callable
-from concurrent.futures import Executor, Future
 from functools import partial
-from queue import SimpleQueue
 from types import FunctionType, MethodType
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from taskrpc.core.execution.eager_start import EagerStarter
+from taskrpc.core.system.signals import end_program
+
+if TYPE_CHECKING:
+    from taskrpc.core.execution.daemon_threads import DaemonThreads
 
 log = logging.getLogger("taskrpc.callbacks")
 
@@ -53,7 +54,7 @@ class CallbackRunner:
         self._idle = idle
         self._loop = asyncio.get_running_loop()
         self._starter = EagerStarter(self._loop, self._held)
-        self._threads = DaemonThreads(1, f"taskrpc {description}") if threaded else None
+        self._threads = threads_for(1, description, threaded=threaded)
         self._job: asyncio.Future[Any] | None = None
         """The call that runs, if it outlasts `run`."""
         self._warned = False
@@ -122,14 +123,18 @@ class CallbackRunner:
             )
 
 
+def threads_for(count: int, description: str, *, threaded: bool) -> DaemonThreads | None:
+    """Return the threads for a callback if it is `threaded`, otherwise None."""
+    if not threaded:
+        return None
+    from taskrpc.core.execution.daemon_threads import DaemonThreads  # few programs need it
+
+    return DaemonThreads(count, f"taskrpc {description}")
+
+
 async def as_coroutine(awaitable: Awaitable[Any]) -> Any:
     """Return a coroutine that awaits any awaitable."""
     return await awaitable
-
-
-def end_program(error: BaseException) -> None:
-    """Raise SystemExit or KeyboardInterrupt; call it from the loop, which then ends."""
-    raise error
 
 
 def run_to_end(callback: Callback, *arguments: Any) -> Any:
@@ -203,54 +208,3 @@ def _location_of(callback: Callback) -> str:
 
 def _nothing() -> None:
     """Prepare nothing: a callback of a subscription or timer has no call context."""
-
-
-_Job: TypeAlias = "tuple[Future[Any], Callable[[], Any]]"
-
-
-class DaemonThreads(Executor):
-    """Runs jobs in up to `count` daemon threads, which start when they are first needed.
-
-    Its threads do not delay the end of the program. The standard library's pool waits for its
-    threads: a callback that waits for a key or a robot would keep a stopped server alive.
-    """
-
-    def __init__(self, count: int, name: str) -> None:
-        self._count = count
-        self._name = name
-        self._jobs: SimpleQueue[_Job | None] = SimpleQueue()
-        self._idle = threading.Semaphore(0)
-        self._threads = 0
-        """How many threads have started."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Run a function as soon as a thread is free; returns a future of its result."""
-        future: Future[Any] = Future()
-        self._jobs.put((future, lambda: fn(*args, **kwargs)))
-        if not self._idle.acquire(blocking=False) and self._threads < self._count:
-            self._threads += 1
-            name = f"{self._name} {self._threads}"
-            threading.Thread(target=self._work, name=name, daemon=True).start()
-        return future
-
-    def shutdown(self, wait: bool = False, *, cancel_futures: bool = False) -> None:
-        """Let the threads end after the submitted jobs, without waiting for them."""
-        for _ in range(self._threads):
-            self._jobs.put(None)
-
-    def _work(self) -> None:
-        while (job := self._jobs.get()) is not None:
-            _run(*job)
-            del job  # else its request would stay in memory until the next job
-            self._idle.release()
-
-
-def _run(future: Future[Any], work: Callable[[], Any]) -> None:
-    if not future.set_running_or_notify_cancel():
-        return
-    try:
-        result = work()
-    except BaseException as error:
-        future.set_exception(error)
-    else:
-        future.set_result(result)

@@ -14,19 +14,10 @@ import types
 from asyncio import _enter_task, _leave_task  # documented for code that runs steps itself
 from collections.abc import Callable, Coroutine, Generator
 from contextvars import Context, copy_context
-from typing import Any, Protocol
+from typing import Any
 
 from taskrpc.core.callinfo import answering
-
-
-class Ended(Protocol):
-    """Called once, at the end of a task."""
-
-    def returned(self, value: object) -> None:
-        """The coroutine returned this; called in the task's last step."""
-
-    def done(self, task: asyncio.Future[object]) -> None:
-        """The task is done in another way, or it is an ordinary task."""
+from taskrpc.core.transport.base import Ended
 
 
 class EagerStarter:
@@ -41,17 +32,23 @@ class EagerStarter:
         self._spare: _Spare | None = None
 
     def start(
-        self,
-        prepare: Callable[[], object],
-        coroutine: Coroutine[Any, Any, Any],
-        ended: Ended | None = None,
-    ) -> Any:
+        self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
+    ) -> asyncio.Task[Any]:
         """Run a coroutine up to its first suspension; return the task that runs the rest.
 
-        `prepare` is called first, in the coroutine's context; `ended` is called after the rest.
-        Raises StopIteration with the return value if the coroutine returned, or the exception that
-        it raised.
+        `prepare` is called first, in the coroutine's context. Raises StopIteration with the return
+        value if the coroutine returned, or the exception that it raised.
         """
+        result, has_ended = self.begin(prepare, coroutine)
+        if has_ended:
+            raise StopIteration(result)
+        task: asyncio.Task[Any] = result.task
+        return task
+
+    def begin(
+        self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
+    ) -> tuple[Any, bool]:
+        """Do as `start`; return the return value and True, or what runs the rest and False."""
         spare = self._spare
         # Is the spare task cancelled: by a program that cancels all tasks, or by an earlier
         # coroutine? `cancelling()` does not say so: `uncancel` lowers the count, but does not undo
@@ -65,18 +62,21 @@ class EagerStarter:
         try:
             _enter_task(self._loop, spare.task)
         except RuntimeError:  # called from within a running task
-            return self._in_task(prepare, coroutine, ended)
+            return _InTask(self._loop, prepare, coroutine), False
+        has_ended = True
         try:
-            waits_for = spare.context.run(_first_step, prepare, coroutine)
-        except BaseException:
-            if len(spare.context) != spare.variables or (spare.inherited and spare.is_used()):
-                self.close()  # one coroutine's context variables must not be visible to the next
-            raise
+            result, has_ended = spare.context.run(_first_step, prepare, coroutine)
         finally:
             _leave_task(self._loop, spare.task)
+            if has_ended and (
+                len(spare.context) != spare.variables or (spare.inherited and spare.is_used())
+            ):
+                self.close()  # one coroutine's context variables must not be visible to the next
+        if has_ended:
+            return result, True
         self._spare = None
-        spare.run_rest(coroutine, waits_for, ended)
-        return spare.task
+        spare.run_rest(coroutine, waits_for=result)
+        return spare, False
 
     def close(self) -> None:
         """End the spare task."""
@@ -84,23 +84,34 @@ class EagerStarter:
             self._spare.task.cancel()
             self._spare = None
 
-    def _in_task(
+
+class _InTask:
+    """A coroutine with a task of its own: it was started from within a running task."""
+
+    def __init__(
         self,
+        loop: asyncio.AbstractEventLoop,
         prepare: Callable[[], object],
         coroutine: Coroutine[Any, Any, Any],
-        ended: Ended | None,
-    ) -> asyncio.Task[Any]:
+    ) -> None:
         context = copy_context()
         context.run(prepare)
-        task = self._loop.create_task(coroutine, context=context)
-        if ended is not None:
-            task.add_done_callback(ended.done)
-        return task
+        self.task: asyncio.Task[Any] = loop.create_task(coroutine, context=context)
+
+    def then(self, ended: Ended) -> None:
+        """Call `ended.done` at the end."""
+        self.task.add_done_callback(ended.done)
 
 
-def _first_step(prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]) -> Any:
+def _first_step(
+    prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
+) -> tuple[Any, bool]:
+    """Return the return value and True, or what the coroutine waits for and False."""
     prepare()
-    return coroutine.send(None)
+    try:
+        return coroutine.send(None), False
+    except StopIteration as done:
+        return done.value, True
 
 
 @types.coroutine
@@ -130,11 +141,12 @@ class _Spare:
         """Whether the coroutine changed a context variable that existed before."""
         return any(self.context[variable] is not value for variable, value in self.inherited)
 
-    def run_rest(
-        self, coroutine: Coroutine[Any, Any, Any], waits_for: Any, ended: Ended | None
-    ) -> None:
-        """Run the coroutine to its end; `waits_for` is the future that its first step yielded."""
+    def then(self, ended: Ended) -> None:
+        """Call one of the methods of `ended` at the end of the coroutine."""
         self._ended = ended
+
+    def run_rest(self, coroutine: Coroutine[Any, Any, Any], waits_for: Any) -> None:
+        """Run the coroutine to its end; `waits_for` is the future that its first step yielded."""
         self._rest = _Rest(coroutine, waits_for, self._loop.time, self._held)
         if not self.given.done():
             self.given.set_result(None)

@@ -14,10 +14,10 @@ from taskrpc.errors import TaskRpcError
 MIN_SECRET = 16
 """The least number of characters of a secret that other machines can try to guess."""
 
+# Python compiles these patterns at their first use: most programs have no accounts.
 _NAME = r"[A-Za-z0-9_.@+-]{1,64}"
-_IS_NAME = re.compile(_NAME).fullmatch
-_IS_SECRET = re.compile(r"[A-Za-z0-9_~=+/-]{1,256}").fullmatch
-_IS_TOKEN = re.compile(rf"({_NAME})\.[A-Za-z0-9_~=+/-]{{1,256}}".encode()).fullmatch
+_SECRET = r"[A-Za-z0-9_~=+/-]{1,256}"
+_TOKEN = rf"({_NAME})\.{_SECRET}".encode()
 
 
 class Role(IntEnum):
@@ -52,7 +52,7 @@ class Account(msgspec.Struct, frozen=True):
     def __post_init__(self) -> None:
         if problem := account_name_problem(self.name):
             raise TaskRpcError(problem)
-        if not _IS_SECRET(self.secret):
+        if not re.fullmatch(_SECRET, self.secret):
             raise TaskRpcError(
                 f"the secret of the account {self.name}: expected 1 to 256 letters, digits or any"
                 " of _~=+/-"
@@ -124,12 +124,14 @@ class Accounts:
 
 def account_name_problem(name: str) -> str:
     """Return why an account cannot have this name, "" if it can."""
-    if _IS_NAME(name):
+    if re.fullmatch(_NAME, name):
         return ""
     return f"an account's name: expected 1 to 64 letters, digits or any of _.@+-, got {name!r}"
 
 
 def account_of(token: bytes) -> str:
     """Return the name of the account in a token, "" for a secret without an account."""
-    found = _IS_TOKEN(token)
+    if b"." not in token:
+        return ""
+    found = re.fullmatch(_TOKEN, token)
     return "" if found is None else found[1].decode()

@@ -7,7 +7,7 @@ them. The author of a transport implements `network.Network` or `engine.Engine` 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Coroutine, Hashable
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
@@ -25,6 +25,9 @@ from taskrpc.errors import TaskRpcError
 if TYPE_CHECKING:
     from taskrpc.core.observer import Observer
     from taskrpc.core.wire.statistics import Statistics
+
+DEFAULT_TIMEOUT = 10.0
+"""Seconds until the deadline of a call without a timeout of its own."""
 
 
 class Mode(IntEnum):
@@ -106,17 +109,53 @@ class IncomingCall(CallInfo, eq=False, kw_only=True):
             self.on_cancel()
 
 
+class Ended(Protocol):
+    """Called once, at the end of a task."""
+
+    def returned(self, value: object) -> None:
+        """The coroutine returned this; called in the task's last step."""
+
+    def done(self, task: asyncio.Future[object]) -> None:
+        """The task is done in another way, or it is an ordinary task."""
+
+
+class Begun(Protocol):
+    """A coroutine that has suspended in its first step."""
+
+    task: asyncio.Task[Any]
+    """Runs the rest."""
+
+    def then(self, ended: Ended) -> None:
+        """Call one of the methods of `ended` at the end; in the turn of the first step only."""
+
+
 class Counted(Protocol):
     """A queue that knows its length."""
 
     count: int
 
 
+GoOn: TypeAlias = Callable[[IncomingCall, Any, float], object]
+"""Goes on with a call: with what came of its callback, and the instant at which it began."""
+
+
+class PlainOnce(Protocol):
+    """What makes a service exactly-once, if its store completes requests at once."""
+
+    def admit(self, principal: str, received: ReceivedId, arrived: float) -> bool:
+        """Whether the request is new; if so, it counts as running, and the callback must run."""
+
+    def complete(self, principal: str, received: ReceivedId, body: bytes, arrived: float) -> None:
+        """Store the encoded response of an admitted request, which has ended."""
+
+    def executed(self, call: IncomingCall, *, is_over: bool) -> IncomingCall:
+        """Return the execution of an admitted request, which answers this call at its end."""
+
+
 class PlainService(msgspec.Struct, eq=False, kw_only=True):
     """A service whose calls a connection may run itself; see `connection.plain_serving`.
 
-    A call that the connection cannot end itself is passed to `returned` or `raised`, with the
-    instant at which it began.
+    A call that the connection cannot end itself is passed to one of its `GoOn` functions.
     """
 
     callback: Callable[[Any, Any], Any]
@@ -124,15 +163,20 @@ class PlainService(msgspec.Struct, eq=False, kw_only=True):
     concurrency: int
     waiting: Counted
     """The calls that wait."""
-    returned: Callable[[IncomingCall, Any, float], object]
+    returned: GoOn
     """Takes a call whose callback has returned this."""
-    raised: Callable[[IncomingCall, BaseException, float], object]
+    raised: GoOn
     """Takes a call whose callback has raised this."""
+    begin: Callable[[Any, Coroutine[Any, Any, Any]], tuple[Any, GoOn]]
+    """Runs the first step of the coroutine that a callback returned for this call; returns what
+    came of it, and the function that takes both."""
     finished: Callable[[float], object]
     """Called after a call if other calls wait, or if the service is withdrawn."""
     held: Callable[[float], object]
     """Called with the seconds of a call that held the event loop for `holds_after` seconds."""
     holds_after: float
+    once: PlainOnce | None = None
+    """Decides about the requests of an exactly-once service; None for other services."""
     running: int = 0
     """Calls that run, or whose effect is not stored yet."""
 

@@ -55,9 +55,12 @@ class ChannelContext(Protocol):
 
     loop: asyncio.AbstractEventLoop
     network: Network
-    dialler: Dialler
     availability: Availability
     counters: RequestCounters
+
+    @property
+    def dialler(self) -> Dialler:
+        """The connections to other processes."""
 
     def channel_closed(self, named: ServiceEndpoint) -> None:
         """Count a channel that was closed."""
@@ -189,23 +192,23 @@ class RemoteChannel:
             raise
         return call
 
-    def send_in_thread(self, request: Any, deadline: float | None) -> Waiter | None:
+    def send_in_thread(self, request: Any, deadline: float | None, left: int = 0) -> Waiter | None:
         """Send a request from another thread; None if only the event loop can send it.
 
-        Raises InvalidRequest for a request that cannot be sent.
+        `left` as in `send`. Raises InvalidRequest for a request that cannot be sent.
         """
         waiter = Waiter()
-        return waiter if self._begin_in_thread(waiter, request, deadline) else None
+        return waiter if self._begin_in_thread(waiter, request, deadline, left) else None
 
     def send_in_thread_then(
-        self, request: Any, deadline: float | None, on_done: OnDone
+        self, request: Any, deadline: float | None, on_done: OnDone, left: int = 0
     ) -> CallbackWaiter | None:
         """Like `send_in_thread`; `on_done(response, error)` is called on the event loop."""
         waiter = CallbackWaiter(on_done)
-        return waiter if self._begin_in_thread(waiter, request, deadline) else None
+        return waiter if self._begin_in_thread(waiter, request, deadline, left) else None
 
     def _begin_in_thread(
-        self, waiter: Waiter | CallbackWaiter, request: Any, deadline: float | None
+        self, waiter: Waiter | CallbackWaiter, request: Any, deadline: float | None, left: int
     ) -> bool:
         # The event loop may connect to another server at the same time; there, the same method id
         # means another service. So read the connection before and after the method.
@@ -217,7 +220,7 @@ class RemoteChannel:
         body, decode, move = self._encode(request), self._decode, self._move
         call = OpenCall(waiter, connection, decode, deadline, method, body, move)
         waiter.call = call
-        return connection.begin_in_thread(call)
+        return connection.begin_in_thread(call, left)
 
     def refuse_if_closed(self) -> None:
         """Raise TaskRpcError once the channel is closed."""

@@ -46,7 +46,8 @@ def _encode_array(value: Any) -> Any:
 pack = msgspec.msgpack.Encoder(enc_hook=_encode_array).encode
 """Encodes a message that was checked."""
 
-_PROBLEM = re.compile(r"^(.*?)(?: - at `\$(.*)`)?$", re.DOTALL)
+_PROBLEM = r"(?s)^(.*?)(?: - at `\$(.*)`)?$"
+"""A text of msgspec: the problem, and the field. Python compiles the pattern at the first one."""
 
 KEPT_CLASSES = 1024
 """Message classes whose codecs are cached; a program can create any number of classes."""
@@ -122,7 +123,7 @@ class Codec:
         self._shape(body)
 
     def _not_decoded(self, error: Exception) -> InvalidRequest:
-        found = _PROBLEM.match(str(error))
+        found = re.match(_PROBLEM, str(error))
         if found is None or not found[2]:
             return InvalidRequest("", str(error))
         return InvalidRequest(_field_path(self._cls, re.findall(r"\[(.*?)\]", found[2])), found[1])

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import msgspec
@@ -22,12 +22,9 @@ from taskrpc.core.transport.base import (
     TopicSubscription,
 )
 from taskrpc.core.transport.chance import chance_of
-from taskrpc.core.transport.channel import RemoteChannel
 from taskrpc.core.transport.codec import ServiceType
-from taskrpc.core.transport.connection.client_side import CallingConnection
 from taskrpc.core.transport.connection.connection import READ_BUFFER, Connection, Traffic
 from taskrpc.core.transport.connection.deadline_timer import clock_of
-from taskrpc.core.transport.connection.dialling import READY_TIMEOUT, Dialler, with_address
 from taskrpc.core.transport.connection.threads import ThreadHandoff
 from taskrpc.core.transport.discovery.availability import Availability
 from taskrpc.core.transport.discovery.entries import (
@@ -59,7 +56,10 @@ from taskrpc.errors import (
 
 if TYPE_CHECKING:
     from taskrpc.core.observer import Connections
+    from taskrpc.core.transport.channel import RemoteChannel
     from taskrpc.core.transport.connection.call_meter import CallMeter
+    from taskrpc.core.transport.connection.client_side import CallingConnection
+    from taskrpc.core.transport.connection.dialling import Dialler
     from taskrpc.core.transport.connection.incoming_call import RouteFaults
     from taskrpc.core.transport.connection.server_side import ServingConnection
     from taskrpc.core.transport.limits.admission import Admission
@@ -100,12 +100,11 @@ class Endpoint(ThreadHandoff):
         super().__init__()
         self.keepalive = keepalive
         self._has_threads = threads
-        self._calling = _calling_class(threads=threads)
         self.now = clock_of(self.loop)
         """The event loop's clock."""
         self.network = network
         self.availability = Availability(network)
-        self.dialler = Dialler(network, self._caller)
+        self._dialler: Dialler | None = None
         self.read_buffer = memoryview(bytearray(READ_BUFFER))
         resources.keep_freed_memory(DEFAULT_LIMITS.body)
         self.address = ""
@@ -205,6 +204,8 @@ class Endpoint(ThreadHandoff):
         if self.network.native is not None:
             self.network.native.add_type(srv_type)
         self.publish(EntryChange(client=named))
+        from taskrpc.core.transport.channel import RemoteChannel  # many programs only serve
+
         return RemoteChannel(self, named, srv_type, otherwise=otherwise)
 
     def channel_closed(self, named: ServiceEndpoint) -> None:
@@ -264,6 +265,15 @@ class Endpoint(ThreadHandoff):
             self._topics = Topics(self)
         return self._topics
 
+    @property
+    def dialler(self) -> Dialler:
+        """The connections to other processes; created at the first use."""
+        if self._dialler is None:
+            from taskrpc.core.transport.connection import dialling  # many programs only serve
+
+            self._dialler = dialling.Dialler(self.network, self._caller, closed=self._closed)
+        return self._dialler
+
     # For nodes: the graph
 
     async def graph(self) -> list[RegistryEntry]:
@@ -277,6 +287,8 @@ class Endpoint(ThreadHandoff):
 
         Raises ServiceUnavailable if no process offers it, or the error with which asking failed.
         """
+        from taskrpc.core.transport.connection.dialling import READY_TIMEOUT
+
         deadline = self.loop.time() + READY_TIMEOUT
         problem: TaskRpcError = no_server(self.network, name)
         for address in self.network.locate(name):
@@ -306,7 +318,7 @@ class Endpoint(ThreadHandoff):
 
     def traffic(self) -> tuple[str, Connections, Connections]:
         """Return this endpoint's id, and the counts of accepted and of dialled connections."""
-        dialled = self._dialled_traffic.counts(self.dialler.connections)
+        dialled = self._dialled_traffic.counts(self._dialled())
         accepted = self._accepted_traffic.counts(self._served)
         callers = Counter(each.principal for each in list(self._served))
         accepted.accounts = {account: count for account, count in callers.items() if account}
@@ -328,7 +340,8 @@ class Endpoint(ThreadHandoff):
             await self.network.stop_listening()
             for served in list(self._served):
                 served.drain()
-            await self.dialler.close()
+            if self._dialler is not None:
+                await self._dialler.close()
             await self._ends(CLOSE_TIMEOUT)
             for connection in self._connections():
                 connection.abort(ConnectionLost("the node was destroyed"))
@@ -396,8 +409,8 @@ class Endpoint(ThreadHandoff):
             self._served[served] = None
             if self._admission is not None and connection.transport is not None:
                 self._admission.arrived(served, connection.transport.get_extra_info("peername"))
-        elif isinstance(connection, CallingConnection):
-            self.dialler.connections[connection] = None
+        else:
+            self.dialler.connections[cast("CallingConnection", connection)] = None
         self._identify(connection)
         self._schedule_tick()
 
@@ -410,8 +423,8 @@ class Endpoint(ThreadHandoff):
             self._watcher_left(served)
             if self._admission is not None:
                 self._admission.left(served)
-        elif isinstance(connection, CallingConnection):
-            self.dialler.ended(connection)
+        else:
+            self.dialler.ended(cast("CallingConnection", connection))
 
     # Listening and handshakes
 
@@ -444,7 +457,8 @@ class Endpoint(ThreadHandoff):
         me = self._identity(address.token, name)
         if address.domain is not None:
             me = msgspec.structs.replace(me, domain=address.domain)
-        return self._calling(self, me, self.availability.notify)
+        calling = _calling_class(threads=self._has_threads)
+        return calling(self, me, self.availability.notify)
 
     def _accepted(self) -> ServingConnection:
         me, accounts = self._identity(self.network.token, ""), self.network.accounts
@@ -504,12 +518,17 @@ class Endpoint(ThreadHandoff):
             connection = await self.dialler.connection(address, deadline)
             listing = await connection.resolve(Resolve(""), deadline).future
         except TaskRpcError as error:
+            from taskrpc.core.transport.connection.dialling import with_address
+
             log.warning("%s", with_address(address.text, error))
             return None
         return entry_of(address.text, listing)
 
+    def _dialled(self) -> Collection[Connection]:
+        return self._dialler.connections if self._dialler is not None else ()
+
     def _connections(self) -> list[Connection]:
-        return [*self._served, *self.dialler.connections]
+        return [*self._served, *self._dialled()]
 
     async def _ends(self, timeout: float) -> None:
         """Wait until the connections are closed: their transports need the running loop."""
@@ -551,6 +570,8 @@ class Endpoint(ThreadHandoff):
 
 def _calling_class(*, threads: bool) -> type[CallingConnection]:
     if not threads:
+        from taskrpc.core.transport.connection.client_side import CallingConnection
+
         return CallingConnection
     from taskrpc.core.transport.connection.client_threads import ThreadedConnection
 

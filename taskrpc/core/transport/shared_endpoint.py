@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, TypeAlias, cast
 import msgspec
 
 from taskrpc.core.current_program import current_program
-from taskrpc.core.security.installing import install_command
 from taskrpc.core.security.lab import remembered_lab
 from taskrpc.core.security.roles import Accounts
 from taskrpc.core.security.tls import Tls
@@ -41,6 +40,12 @@ class Registration(msgspec.Struct, frozen=True):
     """The installed package that adds it, "" for a transport of taskrpc."""
 
 
+def _advice_for_zenoh() -> str:
+    from taskrpc.core.security.installing import install_command  # few programs need it
+
+    return install_command("zenoh", "eclipse-zenoh")
+
+
 TRANSPORTS = {
     "tcp": Registration("taskrpc.core.transport.tcp.tcp_network:open_network", in_lab=True),
     "memory": Registration("taskrpc.core.transport.memory:open_network"),
@@ -48,7 +53,7 @@ TRANSPORTS = {
     "zenoh": Registration(
         "taskrpc.middleware.zenoh.zenoh_engine:open_network",
         needs="zenoh",
-        advice=lambda: install_command("zenoh", "eclipse-zenoh"),
+        advice=_advice_for_zenoh,
     ),
 }
 """The transports of taskrpc. Other packages add theirs as entry points; see `registered`."""

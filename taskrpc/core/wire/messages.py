@@ -157,9 +157,13 @@ class ErrorBody(msgspec.Struct, array_like=True):
 
 def decoder(cls: type[_Struct]) -> Callable[[Body], _Struct]:
     """Return a function that decodes a body; for an invalid body it raises only ProtocolError."""
-    decode = msgspec.msgpack.Decoder(cls).decode
+    # Made at the first body: most programs never receive most of these messages.
+    decode: Callable[[Body], _Struct] | None = None
 
     def decoded(body: Body) -> _Struct:
+        nonlocal decode
+        if decode is None:
+            decode = msgspec.msgpack.Decoder(cls).decode
         try:
             return decode(body)
         # msgspec raises the last two for text that is not UTF-8, and for too deep nesting.

@@ -23,6 +23,9 @@ from taskrpc.cli.shared.command import (
     hinted,
 )
 
+MODULES_OF_A_SERVER = 91
+"""Modules of taskrpc and srvgen that a program with one service imports; each delays its start."""
+
 
 @pytest.mark.parametrize(
     ("error", "code"),
@@ -160,6 +163,32 @@ def test_a_program_that_only_calls_does_not_import_the_serving_side():
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_a_program_that_only_serves_imports_little():
+    program = (
+        "import sys, asyncio, srvgen, taskrpc\n"
+        "async def main():\n"
+        "    before = set(sys.modules)\n"
+        "    async with taskrpc.Node('server') as node:\n"
+        "        node.create_service(srvgen.load('std_srvs/srv/Empty'), 'empty', print)\n"
+        "        print(*set(sys.modules) - before)\n"
+        "asyncio.run(main())"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=True
+    )
+    modules = done.stdout.split()
+    calling = (
+        "taskrpc.client taskrpc.retry taskrpc.core.attempts taskrpc.core.transport.channel"
+        " taskrpc.core.transport.connection.dialling"
+        " taskrpc.core.transport.connection.client_side"
+        " taskrpc.core.transport.connection.client_threads"
+    )
+    others = "dataclasses queue random secrets zlib"
+    assert sorted(set(modules) & set(f"{calling} {others}".split())) == []
+    ours = sorted(each for each in modules if each.startswith(("taskrpc.", "srvgen.")))
+    assert len(ours) <= MODULES_OF_A_SERVER, ours
 
 
 def test_main_with_arguments_does_not_change_the_process(monkeypatch):

@@ -1,9 +1,12 @@
-"""Callers are notified of changed services once in a turn, for any number of changes."""
+"""An endpoint notifies callers once in a turn, and connects to no process once it is closed."""
 
 import asyncio
 
+import pytest
+
 import taskrpc
 from taskrpc.core.wire.session import Session
+from taskrpc.errors import ConnectionLost
 from tests.core.transport.helpers import Add, add, ask
 
 
@@ -24,3 +27,16 @@ async def test_many_services_made_at_once_are_advertised_once(monkeypatch):
         assert await late.wait_for_service(60)
         await asyncio.sleep(0.1)
         assert said == [1]
+
+
+async def test_closed_endpoint_that_has_never_called_connects_to_no_process():
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        server.create_service(Add, "add", add)
+        endpoint = node._transport
+        (address,) = endpoint.network.locate("/add")
+        await node.destroy()
+        with pytest.raises(ConnectionLost, match="the node was destroyed"):
+            await endpoint.dialler.connection(address, None)

@@ -6,11 +6,13 @@ import asyncio
 import math
 from collections import deque
 from collections.abc import Callable, Iterable
+from operator import attrgetter
 from typing import Any, ClassVar, Protocol
 
 import msgspec
 
 from taskrpc.core.request_ids.ids import RequestCounter
+from taskrpc.core.system.signals import end_program
 from taskrpc.core.transport.connection.connection import Connection, Owner
 from taskrpc.core.transport.connection.deadline_timer import CHECK_LATE, TICK
 from taskrpc.core.wire import messages
@@ -40,6 +42,10 @@ HANDSHAKE_LOST = "the connection was lost in the handshake"
 
 _ROUNDING = 1e-6
 """Milliseconds by which the difference of two instants may be too large."""
+
+_callbacks_of = attrgetter("_callbacks")
+"""What asyncio is going to call at the end of a future: a list of functions, each with its context;
+None if there are none."""
 
 MAX_MOVES = 8
 """How often one call may be refused and moved to another server before it fails."""
@@ -215,13 +221,8 @@ class CallingConnection(Connection):
             self.transport.write(frame)
         else:
             session.out.append(frame)
-            if is_first or not self._flush_planned:
+            if not self.in_turn and (is_first or not self._flush_planned):
                 self._flush_request(size)
-
-    @property
-    def holds_back(self) -> bool:
-        """Whether a new call must wait: behind others, or because the server does not read."""
-        return self._writing_paused or bool(self._waiting)
 
     def resolve(
         self, question: messages.Resolve, deadline: float | None, *, definition: bool = False
@@ -280,11 +281,30 @@ class CallingConnection(Connection):
             if self._splitter.large is None:
                 data = self._read_buffer[:nbytes].tobytes()
                 found, rest = session.responses(data, nbytes)
+                # What several callers send now is written together; one caller writes at once.
+                self.in_turn = bool(rest or found[1:])
                 for call, body in found:
+                    future = call.future
                     try:  # as in `answered`
-                        call.future.set_result(call.decode(body))
+                        message = call.decode(body)
+                        if (
+                            future.__class__ is asyncio.Future
+                            and self.resumes_at_once
+                            and (waiting := _callbacks_of(future))
+                            and not waiting[1:]
+                        ):
+                            # asyncio would resume the caller in the next turn of the event loop,
+                            # which costs a tenth of the call, a quarter if it is the only one.
+                            ((resume, context),) = waiting
+                            future.remove_done_callback(resume)
+                            future.set_result(message)
+                            context.run(resume, future)
+                        else:
+                            future.set_result(message)
                     except (InvalidRequest, ProtocolError, asyncio.InvalidStateError):
                         call.answered(body)  # decoded again, to report the error
+                    except (SystemExit, KeyboardInterrupt) as error:
+                        self.owner.loop.call_soon(end_program, error)
                 if rest:
                     self.handle(session.feed(rest))
             else:
@@ -332,6 +352,8 @@ class CallingConnection(Connection):
     serves = False
     writes_at_once: ClassVar = True
     """Whether a request may be written without `flush`."""
+    resumes_at_once: ClassVar = True
+    """Whether a caller continues while the read that has its response is handled."""
     handlers: ClassVar = {
         ResponseReceived: _answered,
         ErrorReceived: _failed,

@@ -137,6 +137,7 @@ class ThreadedConnection(CallingConnection):
     __slots__ = ("_lock", "_thread_socket")
 
     writes_at_once = False
+    resumes_at_once = False  # a caller that continues must not hold the lock
 
     def __init__(self, owner: Owner, me: Identity, on_advertised: Callable[[], object]) -> None:
         self._thread_socket = ThreadSocket()
@@ -144,20 +145,27 @@ class ThreadedConnection(CallingConnection):
         """The lock for the session and for writing."""
         super().__init__(owner, me, on_advertised)
 
-    def begin_in_thread(self, call: OpenCall) -> bool:
-        """Send a call from the calling thread; False if only the event loop can begin it."""
+    def begin_in_thread(self, call: OpenCall, left: int = 0) -> bool:
+        """Send a call from the calling thread; False if only the event loop can begin it.
+
+        `left` as in `begin`.
+        """
         # Does the same as `begin`, but writes to the socket itself; a test compares both.
-        session, deadline = self.session, call.deadline
+        session, deadline, size = self.session, call.deadline, len(call.body)
         with self._lock:
-            left = NO_DEADLINE if deadline is None else time_left(deadline, time.monotonic())
-            if left <= 0 or not self._is_free(len(call.body)):
+            if deadline is None:
+                left = NO_DEADLINE
+            elif not left:
+                left = time_left(deadline, time.monotonic())
+            if left <= 0 or not self._is_free(size):
                 return False
-            call.call_id = session.request(call, call.method, call.body, left, call.flags)
-            if not call.call_id:
+            frame = session.request_frame(call, call.method, call.body, left, call.flags, size)
+            if not frame:
                 return False
+            call.call_id = session.last_call_id
             if call.call_id >= LAST_CALL_ID:
                 self.epoch += 1
-            self._thread_socket.write(self, b"".join(session.take()))
+            self._thread_socket.write(self, frame)
         if deadline is not None and deadline < self.check_before:
             self.owner.loop.call_soon_threadsafe(self.watch, deadline)
         return True
@@ -230,15 +238,13 @@ class ThreadedConnection(CallingConnection):
 
     def _is_free(self, size: int) -> bool:
         """Whether a request may be written now: no other output is pending."""
-        session, direct = self.session, self._thread_socket
         return (
-            direct.is_open
+            self._thread_socket.is_free
             and self.transport is not None
             and size < LARGE
-            and size <= session.body_limit
-            and direct.is_whole
-            and direct.is_idle
+            and size <= self.session.body_limit
             and not self.owner.behind
-            and not self.holds_back
-            and not session.out
+            and not self._writing_paused
+            and not self._waiting
+            and not self.session.out
         )

@@ -22,7 +22,13 @@ READY_TIMEOUT = 4.0
 class Dialler:
     """Dials each address once for all its callers; `make` builds a connection's protocol."""
 
-    def __init__(self, network: Network, make: Callable[[Address], CallingConnection]) -> None:
+    def __init__(
+        self,
+        network: Network,
+        make: Callable[[Address], CallingConnection],
+        *,
+        closed: bool = False,
+    ) -> None:
         self.connections: dict[CallingConnection, None] = {}
         """All open connections, including those that take no new calls."""
         self._network = network
@@ -32,7 +38,7 @@ class Dialler:
         """By address: the connection for new calls."""
         self._dialling: dict[str, asyncio.Task[CallingConnection]] = {}
         """By address: the task that connects."""
-        self._closed = False
+        self._closed = closed
 
     async def connection(self, address: Address, deadline: float | None) -> CallingConnection:
         """Return a usable connection to a process; make one if there is none.

@@ -6,32 +6,36 @@ event or a timer. It passes any other request to `ServingConnection.requested`.
 
 A request is plain if all of this holds:
 
-1. The route has no observer and no faults, DEBUG logging is off, and the service is neither
-   threaded nor exactly-once. This is decided once for each route.
-2. The request has no trace span and no request id.
+1. The route has no observer and no faults, DEBUG logging is off, and the service is not threaded.
+   If it is exactly-once, its store completes requests at once. This is decided once for each route.
+2. The request has no trace span. It has a request id if the service is exactly-once, and is new.
 3. The service is still offered, may run one more call, and no call waits for it.
 4. The caller reads its responses, and backpressure is not active.
 5. The body is valid, and the caller's role is sufficient. The deadline has not passed.
 
+An async callback takes the same path: its coroutine runs up to its end or its first suspension.
+
 After the callback, the call gets its record and goes on as any other call if the callback read
-`current_call()`, raised, returned an awaitable or something else than a response, or if the
-response is invalid or large. The path makes no error itself, so each error has one origin.
+`current_call()`, raised, suspended, returned something else than a response, or if the response is
+invalid or large. The path makes no error itself, so each error has one origin.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import CoroutineType
 from typing import Any, Protocol
 
 import msgspec
 
 from taskrpc.core.callinfo import answering
-from taskrpc.core.transport.base import CallNumbers, Offer, PlainService
+from taskrpc.core.request_ids.ids import ReceivedId
+from taskrpc.core.transport.base import CallNumbers, IncomingCall, Offer, PlainService
 from taskrpc.core.transport.codec import pack
 from taskrpc.core.transport.connection.incoming_call import RemoteCall, Route
 from taskrpc.core.transport.limits.backpressure import Backpressure
 from taskrpc.core.wire.events import RequestReceived
-from taskrpc.core.wire.frames import LARGE, NO_DEADLINE
+from taskrpc.core.wire.frames import LARGE, NO_DEADLINE, Flag
 from taskrpc.core.wire.session import Answer, Session
 from taskrpc.errors import InvalidRequest, PermissionDenied, ProtocolError
 
@@ -48,6 +52,7 @@ class PlainConnection(Protocol):
     """What the path needs from the connection."""
 
     session: Session
+    principal: str
     backpressure: Backpressure
     writing_paused: bool
     read_at: float
@@ -69,6 +74,7 @@ class PlainConnection(Protocol):
         request: object,
         number: int,
         arrived: float,
+        received_id: ReceivedId | None = None,
     ) -> RemoteCall:
         """Return the record of a call, and watch its deadline."""
 
@@ -85,24 +91,38 @@ class PlainCall(msgspec.Struct, eq=False):
     arrived: float
     size: int
     """Bytes of the request."""
-    call: RemoteCall | None = None
+    received: ReceivedId | None = None
+    """The request id, if the service is exactly-once."""
+    call: IncomingCall | None = None
     """The record, once the callback or the service has asked for it."""
     ended: bool = False
     """Whether the call was answered; a task that its callback began may still ask for it."""
 
-    def made(self) -> RemoteCall:
+    def made(self) -> IncomingCall:
         """Return the record; the call is in flight from now on."""
-        call = self.call
-        if call is None:
+        if self.call is None:
             connection, call_id, left = self.connection, self.call_id, self.time_left
-            call = self.call = connection.made_call(
-                self.route, call_id, left, self.request, self.number, self.arrived
+            route, received = self.route, self.received
+            call = connection.made_call(
+                route, call_id, left, self.request, self.number, self.arrived, received
             )
-            call.started = True
+            self.call = call
+            if received is None:
+                call.started = True
+            else:
+                once = _service_of(route).once
+                assert once is not None, "the request was admitted"
+                self.call = once.executed(call, is_over=self.ended)
             if not self.ended:
-                session, handle = connection.session, self.route.handle
+                session, handle = connection.session, route.handle
                 session.accept(call_id, handle, 0, left, b"", self.size).ticket = call
-        return call
+        return self.call
+
+
+def _service_of(route: Route) -> PlainService:
+    service = route.offer.plain
+    assert service is not None, "the route has a plain path"
+    return service
 
 
 def answer_of(connection: PlainConnection, route: Route) -> Answer:
@@ -122,22 +142,25 @@ def _general(connection: PlainConnection, route: Route) -> Answer:
     return answer
 
 
-def _plain(connection: PlainConnection, route: Route, service: PlainService) -> Answer:
+def _plain(  # noqa: PLR0915 (a function for each part would cost a tenth of a call)
+    connection: PlainConnection, route: Route, service: PlainService
+) -> Answer:
     session, server, backpressure = connection.session, connection.server, connection.backpressure
     offers, numbers, now = server.offers, server.call_numbers, server.now
     handle, method, waiting = route.handle, route.method, service.waiting
     decode = route.decode
-    callback, response_class = service.callback, service.response
+    callback, response_class, once = service.callback, service.response, service.once
+    flags_of_route, split_id = 0 if once is None else int(Flag.EXACTLY_ONCE), route.split_id
     set_answering, reset_answering = answering.set, answering.reset
     limit = min(session.body_limit, LARGE - 1)
 
-    def answer(
+    def answer(  # noqa: PLR0912 (runs for each call)
         call_id: int, flags: int, time_left: int, body: bytes, size: int
     ) -> tuple[bytes, int, int] | None:
         arrived, began = connection.read_at, connection.clock_at
-        request = None
+        request = received = None
         if (
-            not flags
+            flags == flags_of_route
             and service.running < service.concurrency
             and not waiting.count
             and method in offers
@@ -146,7 +169,13 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
             and (time_left == NO_DEADLINE or arrived + time_left / 1000 > began)
         ):
             try:
-                request = decode(body)
+                if once is None:
+                    request = decode(body)
+                else:
+                    received, message = split_id(body)
+                    request = decode(message)
+                    if not once.admit(connection.principal, received, arrived):
+                        request = None  # decided again: it is no new request
             except (InvalidRequest, PermissionDenied, ProtocolError):
                 request = None  # decoded again, to report the error
         if request is None:
@@ -155,16 +184,18 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
             return None
         service.running += 1
         numbers.last = number = numbers.last + 1
-        call = PlainCall(connection, route, call_id, time_left, request, number, arrived, size)
-        encoded = None
+        call = PlainCall(
+            connection, route, call_id, time_left, request, number, arrived, size, received
+        )
+        encoded, go_on = None, service.returned
         token = set_answering(call)
         try:
             try:
                 response = callback(request, response_class())
+                if response.__class__ is CoroutineType:
+                    response, go_on = service.begin(call, response)
             except BaseException as error:
-                service.raised(call.made(), error, began)
-                connection.clock_at = now()
-                return None
+                response, go_on = error, service.raised
             if response.__class__ is response_class and call.call is None:
                 try:
                     response._check()
@@ -172,9 +203,11 @@ def _plain(connection: PlainConnection, route: Route, service: PlainService) -> 
                 except Exception:
                     encoded = None  # encoded again, to report the error
             if encoded is None or (length := len(encoded)) > limit:
-                service.returned(call.made(), response, began)
+                go_on(call.made(), response, began)
                 connection.clock_at = now()
                 return None
+            if once is not None and received is not None:
+                once.complete(connection.principal, received, encoded, arrived)
             call.ended = True
             connection.clock_at = ended = now()
             if ended - began > service.holds_after:

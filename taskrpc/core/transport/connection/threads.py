@@ -34,8 +34,13 @@ class ThreadSocket:
 
     @property
     def is_open(self) -> bool:
-        """Whether threads can write: over TLS and in memory they cannot."""
+        """Whether threads can write at all: over TLS and in memory they cannot."""
         return self._socket is not None
+
+    @property
+    def is_free(self) -> bool:
+        """Whether a thread can write now: nothing else is left to be written."""
+        return self._socket is not None and not self._rest and self.is_idle
 
     @property
     def is_whole(self) -> bool:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import contextlib
 import os
 import time
-import zlib
+from binascii import crc32  # asyncio has imported it; zlib would load another library
+from functools import cache
 
 import msgspec
 
@@ -28,13 +29,18 @@ TIME_STEP = 1000
 """Nanoseconds; every file system stores times at least this precisely."""
 
 _encode = msgspec.json.Encoder().encode
-_decode = msgspec.json.Decoder(RegistryEntry | EntryChange).decode
+
+
+@cache
+def _decoder() -> msgspec.json.Decoder[RegistryEntry | EntryChange]:
+    """Return the decoder of records; a process that sees no other one needs none."""
+    return msgspec.json.Decoder(RegistryEntry | EntryChange)
 
 
 def line_of(number: int, record: RegistryEntry | EntryChange) -> bytes:
     """Return a record as a line of the file."""
     text = b"%d %s" % (number, _encode(record))
-    return b"%08x %s\n" % (zlib.crc32(text), text)
+    return b"%08x %s\n" % (crc32(text), text)
 
 
 class Journal:
@@ -142,11 +148,11 @@ class JournalReader:
 
 def _parsed(line: bytes) -> tuple[int, RegistryEntry | EntryChange | None]:
     checksum, _, text = line.partition(b" ")
-    if checksum != b"%08x" % zlib.crc32(text):
+    if checksum != b"%08x" % crc32(text):
         return 0, None
     number, _, record = text.partition(b" ")
     try:
-        return int(number), _decode(record)
+        return int(number), _decoder().decode(record)
     except (ValueError, msgspec.MsgspecError):
         return 0, None
 

@@ -13,6 +13,8 @@ import struct
 import sys
 from typing import NamedTuple
 
+import msgspec
+
 from taskrpc.errors import TaskRpcError
 
 
@@ -122,7 +124,7 @@ def _set_user_timeout(sock: socket.socket, seconds: float) -> None:
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, since_then)
 
 
-class _Backlog(NamedTuple):
+class _Backlog(msgspec.Struct):
     """Undelivered bytes of a socket, and when its peer was heard last."""
 
     is_there: bool

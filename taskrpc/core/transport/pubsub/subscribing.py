@@ -45,9 +45,12 @@ class TopicsContext(Protocol):
     """Identifies the endpoint in handshakes."""
     loop: asyncio.AbstractEventLoop
     network: Network
-    dialler: Dialler
     availability: Availability
     address: str
+
+    @property
+    def dialler(self) -> Dialler:
+        """The connections to other processes."""
 
 
 class SubscriptionTopics(Protocol):

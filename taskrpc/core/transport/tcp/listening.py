@@ -14,7 +14,9 @@ import socket
 import ssl
 from collections.abc import Callable
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
+
+import msgspec
 
 from taskrpc.core.security.tls import reason_of
 from taskrpc.core.transport.connection.connection import HANDSHAKE_TIMEOUT, shown
@@ -44,7 +46,7 @@ _EXHAUSTED = {
 }
 
 
-class _Accepted(NamedTuple):
+class _Accepted(msgspec.Struct, frozen=True, eq=False):
     """An accepted connection that waits for its turn."""
 
     sock: socket.socket

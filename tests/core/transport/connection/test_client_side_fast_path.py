@@ -143,7 +143,13 @@ class End:
             self.stream + self.transport.written,
             {number: (held[0] is None, held[1]) for number, held in session.open_calls.items()},
             (session.bytes_in_flight, session.last_call_id, session.state, session.out),
-            (connection.epoch, connection.holds_back, connection.check_before, connection.written),
+            (
+                connection.epoch,
+                connection._writing_paused,
+                len(connection._waiting),
+                connection.check_before,
+                connection.written,
+            ),
             [(call.call_id, call.is_late, outcome(call.future)) for call in self.calls],
         )
 

@@ -151,7 +151,13 @@ class End:
             self.stream,
             {number: (held[0].call_id, held[1]) for number, held in session.open_calls.items()},
             (session.bytes_in_flight, session.last_call_id, session.state),
-            (connection.epoch, connection.holds_back, connection.check_before, connection.written),
+            (
+                connection.epoch,
+                connection._writing_paused,
+                len(connection._waiting),
+                connection.check_before,
+                connection.written,
+            ),
             [(call.call_id, call.is_late, outcome(call.future)) for call in self.calls],
         )
 

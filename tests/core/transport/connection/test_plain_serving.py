@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+from asyncio import _enter_task, _leave_task
 from unittest import mock
 
 import pytest
@@ -13,6 +14,9 @@ from hypothesis import strategies as st
 
 import srvgen
 import taskrpc
+from taskrpc.core.exactly_once import Deduplicator
+from taskrpc.core.exactly_once.store_state import state_of
+from taskrpc.core.request_ids.ids import RequestId, with_request_id
 from taskrpc.core.transport.codec import codec_of
 from taskrpc.core.transport.connection import plain_serving
 from taskrpc.core.transport.limits.quotas import FairQuota
@@ -24,6 +28,8 @@ from taskrpc.core.wire.handshake import Identity
 from taskrpc.core.wire.messages import Limits, Resolve
 from taskrpc.core.wire.session import LONGEST_TIME, Session
 from taskrpc.errors import Code, HandlerError
+from taskrpc.service import Service
+from taskrpc.spi import Denied
 from taskrpc.testing import VirtualTimeLoop
 from tests.core.wire.helpers import Replaced
 from tests.properties import examples
@@ -33,7 +39,7 @@ Types = srvgen.load("rcl_interfaces/srv/GetParameterTypes")
 LIMITS = Limits(body=200, calls=6, bytes=500)
 NAMES = [codec_of(Types.Request).encode(Types.Request(names=["x"] * count)) for count in range(3)]
 LONG = codec_of(Types.Request).encode(Types.Request(names=["x" * 180]))
-REQUEST = codec_of(Add.Request).encode(Add.Request(a=20, b=22))
+REQUEST, OTHER = (codec_of(Add.Request).encode(Add.Request(a=20, b=b)) for b in (22, 23))
 
 
 def facts():
@@ -55,11 +61,30 @@ class Server:
         kinds = (self.add, self.ask, self.hold, self.wait, self.task, self.none, self.wrong)
         kinds += (self.fail, self.refuse, self.deny, self.pause, self.withdraw)
         kinds += (self.hog, self.stop, self.close, self.drain)
+        kinds += (self.later_add, self.later_ask, self.later_none, self.later_fail, self.later_hog)
+        kinds += (self.forgets_await,)
         self.services = [node.create_service(Add, kind.__name__, kind) for kind in kinds]
         node.create_service(Add, "three", self.wait, concurrency=3)
         node.create_service(Types, "large", self.large)
         node.create_service(Types, "texts", self.texts, concurrency=9)
-        self.names = [*(kind.__name__ for kind in kinds), "three", "large", "texts"]
+        self.store = taskrpc.MemoryCompletions()
+        once = {
+            "once": self.add,
+            "once_ask": self.ask,
+            "once_later": self.later_add,
+            "once_wait": self.wait,
+            "once_none": self.none,
+            "once_fail": self.fail,
+            "once_refuse": self.refuse,
+            "once_undone": self.undone,
+            "once_task": self.task,
+            "once_effect": self.effect,
+        }
+        for name, callback in once.items():
+            self.services.append(
+                node.create_service(Add, name, callback, exactly_once=self.store, concurrency=2)
+            )
+        self.names = [*(kind.__name__ for kind in kinds), "three", "large", "texts", *once]
         self.transport = Transport(self)
         (listener,) = hub_of(0).listeners.values()
         self.end = listener.factory()
@@ -68,22 +93,26 @@ class Server:
         self.end.connection_made(self.transport)
         self.session = Session(Identity(b"C" * 16, b"c" * 16, token), is_client=True)
         self.methods = {}
-        while not self.methods:
+        self.has_asked = False
+
+    async def begin(self):
+        """Shake hands, and look up all services."""
+        while len(self.methods) < len(self.names):
             self.read(b"".join(self.session.take()))
             self.hear()
+            await asyncio.sleep(0)  # the store of the exactly-once services opens
 
     def hear(self):
         """Take the answers of the handshake and of the lookups."""
         heard, self.heard = self.heard, b""
         events = list(self.session.feed(heard))
-        if self.session.state.value == "open" and not self.session.open_calls:
+        if self.session.state.value == "open" and not self.has_asked:
+            self.has_asked = True
             for name in self.names:
                 self.session.resolve(name, Resolve(f"/{name}"))
-        found = [each for each in events if isinstance(each, ResponseReceived)]
-        if found:
-            self.methods = {
-                each.ticket: messages.decode_resolved(each.body).method for each in found
-            }
+        for each in events:
+            if isinstance(each, ResponseReceived):
+                self.methods[each.ticket] = messages.decode_resolved(each.body).method
 
     def read(self, data):
         """Let the server read these bytes at once."""
@@ -93,6 +122,15 @@ class Server:
             room[:count] = data[:count]
             self.end.buffer_updated(count)
             data = data[count:]
+
+    def given(self, data):
+        """Let the server read these bytes as the event loop does: in no task."""
+        task = asyncio.current_task()
+        _leave_task(self.loop, task)
+        try:
+            self.read(data)
+        finally:
+            _enter_task(self.loop, task)
 
     def unread(self, size):
         """Let another caller leave so many bytes of responses unread."""
@@ -147,6 +185,33 @@ class Server:
             raise
         return self.add(request, response)
 
+    async def later_add(self, request, response):
+        return self.add(request, response)
+
+    async def later_ask(self, request, response):
+        return self.ask(request, response)
+
+    async def later_none(self, request, response):
+        self.add(request, response)
+
+    async def later_fail(self, request, response):
+        raise ValueError("a mistake")
+
+    async def later_hog(self, request, response):
+        return self.hog(request, response)
+
+    async def forgets_await(self, request, response):
+        found = asyncio.Future()
+        found.set_result(self.add(request, response))
+        return found
+
+    def undone(self, request, response):
+        taskrpc.current_call().nothing_done()
+        return self.add(request, response)
+
+    def effect(self, request, response):
+        return taskrpc.Effect(self.add(request, response), lambda: self.log.append("an effect"))
+
     async def texts(self, request, response):
         await asyncio.sleep(0.01)
         return response
@@ -173,7 +238,7 @@ class Server:
         raise HandlerError(Code.UNAVAILABLE, "not now")
 
     def deny(self, request, response):
-        raise taskrpc.spi.Denied("not you")
+        raise Denied("not you")
 
     def pause(self, request, response):
         self.transport.grow(LARGE)
@@ -237,7 +302,8 @@ def mostly(usual, *others):
 
 names = st.sampled_from(
     "add add add ask hold wait wait three three task none wrong fail refuse deny pause large large"
-    " withdraw missing hog close drain".split()
+    " withdraw missing hog close drain later_add later_add later_ask later_none later_fail"
+    " later_hog forgets_await".split()
 )
 a_call = st.tuples(
     st.just("call"),
@@ -247,10 +313,25 @@ a_call = st.tuples(
     mostly(0, int(Flag.TRACED), int(Flag.EXACTLY_ONCE), 64),
     mostly(1, 3, 1, 1, 1, 1, 1, 0),
 )
+once_names = st.sampled_from(
+    "once once once once_ask once_later once_wait once_none once_fail once_refuse once_undone"
+    " once_task once_effect".split()
+)
+a_call_with_id = st.tuples(
+    st.just("once"),
+    once_names,
+    st.sampled_from([NO_DEADLINE, NO_DEADLINE, 10_000, 5, 0]),
+    st.sampled_from([b"c" * 16, b"c" * 16, b"d" * 16]),
+    st.integers(1, 4),
+    mostly(1, 2, 0),
+    mostly(REQUEST, OTHER, b""),
+)
 a_step = st.one_of(
     a_call,
     a_call,
     a_call,
+    a_call_with_id,
+    a_call_with_id,
     st.tuples(st.just("cancel"), st.integers(0, 5)),
     st.sampled_from([("ping",), ("pause",), ("resume",), ("observe",), ("full",), ("room",)]),
     st.tuples(st.just("time"), st.sampled_from([0.0, 0.004, 0.01, 0.3])),
@@ -276,6 +357,7 @@ async def played(batches):
     """Play the steps; return everything that the caller and the callbacks saw."""
     async with taskrpc.Node("server", transport="memory", token="t" * 32) as node:
         server = Server(node, b"t" * 32)
+        await server.begin()
         server.heard = b""
         records = Records(server.log)
         last, sent = server.session.last_call_id, []
@@ -292,13 +374,20 @@ async def played(batches):
                     sent.append(last)
                     method = server.methods.get(name, 99)
                     data += pack_frame(FrameType.REQUEST, bits, method, last, left, body)
+                elif kind == "once":
+                    name, left, client, sequence, first, body = values
+                    body = with_request_id(RequestId(client, sequence, first), body)
+                    last += 1
+                    sent.append(last)
+                    bits, method = int(Flag.EXACTLY_ONCE), server.methods[name]
+                    data += pack_frame(FrameType.REQUEST, bits, method, last, left, body)
                 elif kind == "cancel":
                     known = sent[values[0]] if values[0] < len(sent) else 77
                     data += pack_frame(FrameType.CANCEL, 0, 0, known, 0)
                 elif kind == "ping":
                     data += pack_frame(FrameType.PING, 0, 0, 0, 5)
                 else:
-                    server.read(data)
+                    server.given(data)
                     data = b""
                     if kind == "pause":
                         server.transport.grow(10)
@@ -313,19 +402,27 @@ async def played(batches):
                     else:
                         await asyncio.sleep(values[0])
             for size in sizes:
-                server.read(data[:size])
+                server.given(data[:size])
                 data = data[size:]
-            server.read(data)
+            server.given(data)
             server.log.append(("written", server.heard))
         server.transport.read_all()
         await asyncio.sleep(1)
         records.close()
         statuses = [(each.name, each.running, each.waiting) for each in node.status().services]
+        state_of_store = (
+            server.store._index.all(),
+            node.status().services[-1].once,
+            [
+                (client, record.used, record.placed, record.first_incomplete, list(record.requests))
+                for client, record in state_of(server.store).ledger._clients.items()
+            ],
+        )
         end = server.end.session
         state = end.state, end.last_call_id, end.bytes_in_flight, len(end.open_calls)
         state += tuple(each.finished.done() for each in server.services)
         state += tuple(sorted(server.end.backpressure._large))
-    return server.heard, server.log, statuses, state
+    return server.heard, server.log, statuses, state, state_of_store
 
 
 class Records(logging.Handler):
@@ -363,8 +460,9 @@ def assert_same(batches):
     except Exception as error:
         raise Different("the plain path fails") from error
     expected = outcome(batches, plain=False)
-    if found != expected:
-        raise Different(f"expected {expected}, got {found}")
+    differences = [pair for pair in zip(expected, found, strict=True) if pair[0] != pair[1]]
+    if differences:
+        raise Different(f"expected and got: {differences}")
 
 
 @given(batches)
@@ -377,6 +475,11 @@ def call(name, left=NO_DEADLINE, bits=0, step=1, body=None):
     return "call", name, body, left, bits, step
 
 
+def once(name, sequence, first=1, left=NO_DEADLINE, body=REQUEST):
+    return "once", name, left, b"c" * 16, sequence, first, body
+
+
+FIRST = once("once", 1)
 SCENARIOS = [
     # An earlier callback of the same read took so long that the deadline has passed.
     [([call("hold"), call("add", 5), call("add", 40)], [])],
@@ -412,6 +515,29 @@ SCENARIOS = [
     [([call("wait", 5), ("cancel", 0), call("add", 0)], [])],
     [([call("wait"), ("cancel", 0), ("time", 0.3)], [])],
     [([call("add"), call("add", step=0), call("add")], [])],
+    # Requests with ids, of which the first looks for leases that have ended: repeated, settled,
+    # changed, refused, stale, and without an id.
+    *(
+        [([FIRST, once(name, 2), once(name, 2), once(name, 3, 3), once(name, 2)], [])]
+        for name in ("once", "once_ask", "once_later", "once_fail", "once_undone", "once_effect")
+    ),
+    [([FIRST, once("once", 1, body=OTHER), once("once", 2, 0), once("once", 4, 3)], [])],
+    [
+        (
+            [
+                FIRST,
+                once("once", 2, left=0),
+                once("once", 2),
+                once("once_wait", 3),
+                once("once", 3),
+            ],
+            [],
+        )
+    ],
+    [([FIRST, once("once_task", 2), once("once", 3), ("time", 0.0)], [])],
+    [([FIRST, once("once_wait", 2, left=5), ("time", 0.3), once("once_wait", 2)], [])],
+    [([FIRST, once("once_wait", 2), ("cancel", 1), ("time", 0.3), once("once", 2)], [])],
+    [([FIRST, call("once"), once("once", 2), call("once"), once("once_ask", 3)], [])],
     [([call("add", bits=int(Flag.TRACED)), call("add", bits=int(Flag.EXACTLY_ONCE))], [])],
 ]
 """Rare coincidences; the random sequences have the rest."""
@@ -423,7 +549,9 @@ def test_plain_path_has_the_results_of_the_general_path_in_rare_cases(scenario):
 
 
 PLAIN = [
-    ("not flags", "True"),
+    ("flags == flags_of_route", "True"),
+    ("once.complete(connection.principal, received, encoded, arrived)", "pass"),
+    ("not once.admit(connection.principal, received, arrived)", "False"),
     ("service.running < service.concurrency", "True"),
     ("not waiting.count", "True"),
     ("and method in offers", "and True"),
@@ -436,7 +564,7 @@ PLAIN = [
     ("number = numbers.last + 1", "number = numbers.last"),
     (" and call.call is None", ""),
     ("(length := len(encoded)) > limit", "(length := len(encoded)) < 0"),
-    ("service.raised(", "service.returned("),
+    ("error, service.raised", "error, service.returned"),
     ("reset_answering(token)", "pass"),
     ("call.ended = True", "pass"),
     ("connection.clock_at = ended = now()", "ended = now()"),
@@ -459,6 +587,13 @@ SERVING = [
 DIFFERENCES = [
     *((plain_serving, "_plain", *texts) for texts in PLAIN),
     *((Session, "serve", *texts) for texts in SERVING),
+    (Service, "_begin", "self._answer if", "self._continue if"),
+    (Deduplicator, "admit", "self._new += 1", "pass"),
+    (Deduplicator, "admit", "arrived + clock.offset", "arrived"),
+    (Deduplicator, "complete", "arrived + clock.offset", "arrived"),
+    (Deduplicator, "complete", "self._store.complete(completion, None)", "pass"),
+    (Deduplicator, "complete", "self._state.stored(completion, received)", "pass"),
+    (Deduplicator, "executed", "execution.started = True", "pass"),
     (Session, "accept", "self.bytes_in_flight += size", "pass"),
 ]
 
