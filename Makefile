@@ -67,4 +67,4 @@ bench:
 	$(BENCH)/bin/python benchmarks/run.py $(ARGS)
 
 clean:
-	rm -rf $(VENV) .venv-bench .mutants .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf $(VENV) .venv-bench .mutants .mypy_cache build/mypy .ruff_cache .pytest_cache .hypothesis

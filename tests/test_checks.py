@@ -1,6 +1,7 @@
 """`.ci/run` starts in any shell, and knows every check of the list."""
 
 import importlib.util
+import re
 import shutil
 import subprocess
 import sys
@@ -32,6 +33,20 @@ def test_the_makefile_knows_every_check():
     rules = [line for line in lines if line[:1].isalpha() and line.endswith(":")]
     words = {word for rule in rules for word in rule.removesuffix(":").split()}
     assert {each["name"] for each in CHECKS} - words == {"quick"}, "`make test` is the quick suite"
+
+
+@pytest.mark.parametrize("name", ["interop", "labs", "notebooks", "postgres", "types"])
+def test_a_check_of_some_folders_runs_all_tests_with_its_mark(name):
+    # These checks name folders, because pytest needs seconds to read the others.
+    (words,) = (each["run"][-1].split() for each in CHECKS if each["name"] == name)
+    assert words[words.index("-m") + 1] == name
+    folders = [ROOT / word for word in words if word.startswith("tests/")]
+    mark = re.compile(rf"mark\.{name}\b")
+    marked = [
+        path for path in (ROOT / "tests").rglob("*.py") if mark.search(path.read_text("utf-8"))
+    ]
+    assert marked
+    assert [path for path in marked if not any(map(path.is_relative_to, folders))] == []
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="runs programs of POSIX")

@@ -73,7 +73,7 @@ async def test_callers_notice_nothing_of_draining_servers(counts, seed, large, p
             for client in clients
             for number in range(AT_ONCE)
         ]
-        for _ in range(1000 if large else 15):
+        for _ in range(1000 if large else 10):
             new = await programs.start(ADDER, "join")
             counts["in flight at a SIGTERM"] += in_flight
             counts["ended badly"] += await terminate(old) != 0
@@ -208,7 +208,7 @@ async def test_callers_notice_nothing_when_tasks_move_to_the_next_server(
     counts, seed, large, bug, programs, tmp_path
 ):
     # A few rounds for each store: reading a growing store would take most of the time.
-    rounds, stores = (50, 20) if large else (15 if bug is None else 3, 1)
+    rounds, stores = (50, 20) if large else (10 if bug is None else 3, 1)
     chance, patience = random.Random(seed), 10 if bug is None else 3
     for number in range(stores):
         (folder := tmp_path / f"store{number}").mkdir()

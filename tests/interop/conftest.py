@@ -49,33 +49,55 @@ def limited(test):
 
 
 @pytest.fixture(scope="session")
-def ros_python(tmp_path_factory):
+def ros_python(tmp_path_factory, request):
     """The Python of an environment with the real rclpy and taskrpc."""
     if given := os.environ.get("TASKRPC_TEST_ROS"):
         return given
     if not HAS_WHEELS:
         pytest.skip("PyPI has wheels of rclpy for Linux on x86-64 and Python 3.11 to 3.14 only")
-    folder = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        folder = folder.parent  # that of all processes of this session
-    ready = folder / "ros-ready"
-    python = str(folder / "ros" / "bin" / "python")
+    folder = _shared_folder(tmp_path_factory)
+    python = folder / "ros" / "bin" / "python"
     with locked(folder / "ros.lock"):
-        if not ready.exists():
-            _make_environment(folder / "ros", python)
-            ready.touch()
-    return python
+        if not (folder / "ros-ready").exists():
+            make_environment(folder / "ros")
+            packages = [*(f"ros-{name}" for name in PACKAGES), *TOOLS]
+            _pip("--python", python, "install", "--no-compile", *packages)
+            wheel = request.getfixturevalue("own_wheel")
+            _pip("--python", python, "install", "--no-compile", f"{wheel}[tls]")
+            (folder / "ros-ready").touch()
+    return str(python)
 
 
-def _make_environment(folder, python):
-    """Make the environment with this Python; without an index of packages, skip the test."""
-    subprocess.run([sys.executable, "-m", "venv", "--clear", folder], check=True, timeout=300)
-    pip = [python, "-m", "pip", "install", "--quiet", "--no-compile"]
-    install = [*pip, *(f"ros-{name}" for name in PACKAGES), *TOOLS]
-    ended = subprocess.run(install, stderr=subprocess.PIPE, text=True, timeout=900)
+@pytest.fixture(scope="session")
+def own_wheel(tmp_path_factory):
+    """taskrpc's wheel, which pip builds once for all processes of the tests."""
+    folder = _shared_folder(tmp_path_factory) / "own-wheel"
+    with locked(folder.with_suffix(".lock")):
+        if not (folder / "ready").exists():
+            _pip("wheel", "--no-deps", "--wheel-dir", folder, ROOT)
+            (folder / "ready").touch()
+    (wheel,) = folder.glob("*.whl")
+    return wheel
+
+
+def make_environment(folder):
+    """Make an environment for `pip --python`: its own pip would take most of the time."""
+    command = [sys.executable, "-m", "venv", "--clear", "--without-pip", folder]
+    subprocess.run(command, check=True, timeout=300)
+
+
+def _shared_folder(tmp_path_factory):
+    """Return the folder of all processes of this session."""
+    folder = tmp_path_factory.getbasetemp()
+    return folder.parent if "PYTEST_XDIST_WORKER" in os.environ else folder
+
+
+def _pip(*arguments):
+    """Run pip; without an index of packages, skip the test."""
+    command = [sys.executable, "-m", "pip", "--quiet", *arguments]
+    ended = subprocess.run(command, stderr=subprocess.PIPE, text=True, timeout=900)
     if ended.returncode:
-        reason = ended.stderr.strip().splitlines()[-1]
+        problem = f"pip has failed: {(ended.stderr.strip() or '?').splitlines()[-1]}"
         if os.environ.get("CI"):
-            pytest.fail(f"cannot install the real rclpy: {reason}")
-        pytest.skip(f"cannot install the real rclpy: {reason}")
-    subprocess.run([*pip, "--editable", f"{ROOT}[tls]"], check=True, timeout=900)
+            pytest.fail(problem)
+        pytest.skip(problem)

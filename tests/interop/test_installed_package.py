@@ -7,21 +7,23 @@ import sys
 from pathlib import Path
 
 from tests.docs.markdown import read_page
+from tests.interop.conftest import make_environment
 
 ROOT = Path(__file__).parents[2]
 PAGE = read_page(ROOT / "docs" / "how-to" / "extend-taskrpc.md")
 
 
-def test_the_package_of_the_page_adds_its_transport_and_its_command(tmp_path):
+def test_the_package_of_the_page_adds_its_transport_and_its_command(own_wheel, tmp_path):
     package = tmp_path / "package"
     package.mkdir()
     for block in PAGE.blocks:
         if block.file:
             (package / block.file).write_text(block.text + "\n", encoding="utf-8")
     home = tmp_path / "environment"
-    subprocess.run([sys.executable, "-m", "venv", home], check=True)
+    make_environment(home)
     python = home / "bin" / "python"
-    install = [python, "-m", "pip", "install", "--quiet", "--no-compile", ROOT, package]
+    pip = [sys.executable, "-m", "pip", "--quiet", "--python", python]
+    install = [*pip, "install", "--no-compile", own_wheel, package]
     subprocess.run(install, cwd=tmp_path, check=True)
     (tmp_path / "programs.py").write_bytes((package / "programs.py").read_bytes())
     called = [[home / "bin" / "taskrpc", "boxes", "3"], [python, "programs.py"]]

@@ -15,27 +15,23 @@ import os
 import subprocess
 from pathlib import Path
 
-import pytest
-
 ROOT = Path(__file__).parents[2]
 FAST_DDS = ROOT / "tests" / "interop" / "inside_ros" / "fast_dds.xml"
-LIMIT = 600.0
-"""Seconds for one file; a real ROS program may hang."""
+LIMIT = 900.0
+"""Seconds for all of them; a real ROS program may hang."""
 
-INSIDE = {
+INSIDE = [
+    "tests/interop/inside_ros/ros_programs.py",
+    "tests/interop/inside_ros/ros_messages.py",
+    "tests/core/transport/contract",
     # The tests wait for DDS most of the time, so several processes share the processors.
-    "ROS programs": ["tests/interop/inside_ros/ros_programs.py", "-n", "4"],
-    "messages": ["tests/interop/inside_ros/ros_messages.py"],
-    "contract": [
-        "tests/core/transport/contract",
-        "-n",
-        "5",
-        "-k",
-        "ros and (test_actions or test_calls or test_programs or test_threads or test_exactly_once)"
-        " or native and ros and test_services",
-    ],
-}
-"""The tests that run in the environment, by what they are about."""
+    *("-n", "5", "--dist", "worksteal"),
+    "-k",
+    "ros_programs or ros_messages"
+    " or ros and (test_actions or test_calls or test_programs or test_threads or test_exactly_once)"
+    " or native and ros and test_services",
+]
+"""The tests that run in the environment: in one session, because each process reads them all."""
 _CRASH = "Fatal Python error"
 """How Python's faulthandler begins."""
 
@@ -53,13 +49,12 @@ def test_report_of_a_crash_begins_with_the_threads():
     assert report("one\n1 failed") == "one\n1 failed"
 
 
-@pytest.mark.parametrize("what", INSIDE)
-def test_inside_an_environment_with_the_real_rclpy(ros_python, what):
+def test_inside_an_environment_with_the_real_rclpy(ros_python):
     command = [ros_python, "-X", "faulthandler", "-m", "pytest", "-q", "-m", "interop"]
     environment = {name: value for name, value in os.environ.items() if "PYTEST" not in name}
     environment["FASTDDS_DEFAULT_PROFILES_FILE"] = str(FAST_DDS)
     ended = subprocess.run(
-        [*command, *INSIDE[what]],
+        [*command, *INSIDE],
         cwd=ROOT,
         env=environment,
         stdout=subprocess.PIPE,

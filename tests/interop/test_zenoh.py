@@ -44,8 +44,8 @@ async def node(zenoh_router):
 def folder(tmp_path_factory):
     """The working folder of the programs, with the compiled code of pyzeros.
 
-    The compiler needs half a minute, and several on a busy machine. So it runs once for all
-    processes of pytest, and before the time limit of a test begins.
+    The compiler needs ten seconds, and minutes on a busy machine. So it runs once for all processes
+    of pytest, before the time limit of a test begins, and does not optimise.
     """
     base = tmp_path_factory.getbasetemp()
     folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "zenoh"
@@ -55,6 +55,7 @@ def folder(tmp_path_factory):
         ended = subprocess.run(
             [sys.executable, str(program), "compile"],
             cwd=folder,
+            env={**os.environ, "CFLAGS": "-O0"},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,

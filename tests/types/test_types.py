@@ -70,39 +70,89 @@ def _mypy(folder: Path, names: Iterable[str], *options: str) -> dict[str, Messag
     return found
 
 
-def _pyright(folder: Path, names: Iterable[str]) -> dict[str, Messages]:
-    found: dict[str, Messages] = {}
-    command = ("pyright", "--outputjson", "--pythonpath", sys.executable, *names)
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """The folder of all projects below."""
+    return tmp_path_factory.mktemp("projects")
+
+
+@pytest.fixture(scope="module")
+def with_stubs(folder) -> Path:
+    """The programs beside the folder of `srvgen stubs`."""
+    shutil.copytree(PROGRAMS, project := folder / "with_stubs")
+    _run("srvgen", "stubs", "my_interfaces", "std_msgs", cwd=project)
+    return project
+
+
+@pytest.fixture(scope="module")
+def with_generated(folder) -> Path:
+    """Programs beside the packages of `srvgen generate`."""
+    (project := folder / "with_generated").mkdir()
+    for name in WITHOUT_LOAD:
+        shutil.copy(PROGRAMS / name, project)
+    sources = PROGRAMS / "my_interfaces", BUNDLED / "std_msgs"
+    _run("srvgen", "generate", *sources, "-o", project, cwd=project)
+    return project
+
+
+@pytest.fixture(scope="module")
+def mypy_reports(with_stubs, with_generated) -> Mapping[str, Mapping[str, Messages]]:
+    """What mypy says of these programs, by the project and the name of the program."""
+    return {
+        with_stubs.name: _mypy(with_stubs, NAMES, "--strict"),
+        with_generated.name: _mypy(with_generated, WITHOUT_LOAD, "--strict"),
+    }
+
+
+@pytest.fixture(scope="module")
+def pyright_reports(
+    folder, with_stubs, with_generated, loads, readme, pages
+) -> Mapping[str, Mapping[str, Messages]]:
+    """What pyright says of the programs of all projects, by the project and the program's name.
+
+    It runs once: most of the time of a run, it reads what all programs import.
+    """
+    names = {
+        with_stubs: NAMES,
+        with_generated: WITHOUT_LOAD,
+        loads: ["loads.py"],
+        readme: [path.name for path in readme.glob("*.py")],
+    }
+    roots = [*names, *pages]
+    shared = f"{PAGES}/typings"
+    environments = []
+    for here in (root.relative_to(folder).as_posix() for root in roots):
+        paths = [here, f"{here}/typings", *([shared] if here.startswith(f"{PAGES}/") else [])]
+        environments.append({"root": here, "extraPaths": paths})
+    programs = [root / name for root, each in names.items() for name in each]
+    settings = {
+        "executionEnvironments": environments,
+        "include": [path.relative_to(folder).as_posix() for path in (*programs, *pages)],
+        "exclude": ["**/typings"],
+    }
+    (folder / "pyrightconfig.json").write_text(json.dumps(settings), encoding="utf-8")
+    command = ("pyright", "--outputjson", "--pythonpath", sys.executable)
     output = _run(*command, cwd=folder, PYRIGHT_PYTHON_IGNORE_WARNINGS="1")
+    found: dict[str, dict[str, Messages]] = {}
     for report in json.loads(output)["generalDiagnostics"]:
         if report["severity"] == "error":
-            lines = found.setdefault(Path(report["file"]).name, {})
+            path = Path(report["file"]).resolve().relative_to(folder.resolve())
+            lines = found.setdefault(path.parent.as_posix(), {}).setdefault(path.name, {})
             message = report["message"].replace("\N{NO-BREAK SPACE}", " ")
             lines.setdefault(report["range"]["start"]["line"] + 1, []).append(message)
     return found
 
 
-@pytest.fixture(scope="module")
-def with_stubs(tmp_path_factory) -> Mapping[str, Mapping[str, Messages]]:
-    """What each checker says of the programs beside the folder of `srvgen stubs`."""
-    folder = tmp_path_factory.mktemp("stubs")
-    shutil.copytree(PROGRAMS, folder, dirs_exist_ok=True)
-    _run("srvgen", "stubs", "my_interfaces", "std_msgs", cwd=folder)
-    return {"mypy": _mypy(folder, NAMES, "--strict"), "pyright": _pyright(folder, NAMES)}
+@pytest.fixture(params=["mypy", "pyright"])
+def checker(request) -> str:
+    """The name of a checker."""
+    return request.param
 
 
-@pytest.fixture(scope="module")
-def with_generated(tmp_path_factory) -> Mapping[str, Mapping[str, Messages]]:
-    """What each checker says of them beside the packages of `srvgen generate`."""
-    folder = tmp_path_factory.mktemp("generated")
-    for name in WITHOUT_LOAD:
-        shutil.copy(PROGRAMS / name, folder)
-    sources = PROGRAMS / "my_interfaces", BUNDLED / "std_msgs"
-    _run("srvgen", "generate", *sources, "-o", folder, cwd=folder)
-    return {
-        "mypy": _mypy(folder, WITHOUT_LOAD, "--strict"),
-        "pyright": _pyright(folder, WITHOUT_LOAD),
-    }
+@pytest.fixture
+def reports(request, checker) -> Mapping[str, Mapping[str, Messages]]:
+    """What this checker says of the programs with stubs, and of those with generated packages."""
+    return request.getfixturevalue(f"{checker}_reports")
 
 
 def _expected(name: str, checker: str) -> Messages:
@@ -128,17 +178,15 @@ def _compare(found: Messages, expected: Messages) -> None:
             assert _matches(message, wanted), f"line {line}: {message}"
 
 
-@pytest.mark.parametrize("checker", ["mypy", "pyright"])
 @pytest.mark.parametrize("name", NAMES)
-def test_checkers_report_the_mistakes_of_a_program_and_nothing_else(name, checker, with_stubs):
+def test_checkers_report_the_mistakes_of_a_program_and_nothing_else(name, checker, reports):
     assert name.startswith("bad_") == bool(_expected(name, checker))
-    _compare(with_stubs[checker].get(name, {}), _expected(name, checker))
+    _compare(reports["with_stubs"].get(name, {}), _expected(name, checker))
 
 
-@pytest.mark.parametrize("checker", ["mypy", "pyright"])
 @pytest.mark.parametrize("name", WITHOUT_LOAD)
-def test_generated_packages_are_as_precise_as_stubs(name, checker, with_generated):
-    _compare(with_generated[checker].get(name, {}), _expected(name, checker))
+def test_generated_packages_are_as_precise_as_stubs(name, checker, reports):
+    _compare(reports["with_generated"].get(name, {}), _expected(name, checker))
 
 
 LOADS = """\
@@ -159,15 +207,22 @@ srvgen.load("example_interfaces/action/Fibonacci").Gaol()
 """
 
 
-@pytest.mark.parametrize("checker", [_mypy, _pyright])
-def test_load_of_a_bundled_type_needs_no_stubs(tmp_path, checker):
-    folder = tmp_path / "project"
-    folder.mkdir()
-    (folder / "loads.py").write_text(LOADS + MISLOADS, encoding="utf-8")
-    options = ["--strict"] if checker is _mypy else []
+@pytest.fixture(scope="module")
+def loads(folder) -> Path:
+    """A program without stubs."""
+    (project := folder / "loads").mkdir()
+    (project / "loads.py").write_text(LOADS + MISLOADS, encoding="utf-8")
+    return project
+
+
+def test_load_of_a_bundled_type_needs_no_stubs(request, loads, checker):
+    if checker == "mypy":
+        found = _mypy(loads, ["loads.py"], "--strict")
+    else:
+        found = request.getfixturevalue("pyright_reports")[loads.name]
     first = LOADS.count("\n") + 1
-    found = checker(folder, ["loads.py"], *options)["loads.py"]
-    assert sorted(found) == list(range(first, first + MISLOADS.count("\n"))), found
+    lines = found["loads.py"]
+    assert sorted(lines) == list(range(first, first + MISLOADS.count("\n"))), found
 
 
 _ROS = re.compile(rf"^(?:import|from) (?:{'|'.join(['rclpy', *bundled.packages()])})\b", flags=re.M)
@@ -191,59 +246,58 @@ def _write_programs(page: Page, folder: Path) -> list[str]:
 
 
 @pytest.fixture(scope="module")
-def readme(tmp_path_factory) -> Path:
+def readme(folder) -> Path:
     """README's programs as they stand, the same with mistakes, and the stubs of their service."""
-    folder = tmp_path_factory.mktemp("readme")
-    _write_programs(read_page(ROOT / "README.md"), folder)
-    client = (folder / "client.py").read_text("utf-8")
+    _write_programs(read_page(ROOT / "README.md"), project := folder / "readme")
+    client = (project / "client.py").read_text("utf-8")
     misread = client.replace("response.greeting", "response.greting")
     wrong = client.replace('Greet.Request(name="Ada", times=2)', "Greet.Response()")
-    server = (folder / "server.py").read_text("utf-8").replace("    return response\n", "")
+    server = (project / "server.py").read_text("utf-8").replace("    return response\n", "")
     for name, text in {"misread": misread, "wrong": wrong, "forgets": server}.items():
-        (folder / f"{name}.py").write_text(text, encoding="utf-8")
-    _run("srvgen", "stubs", "my_interfaces", cwd=folder)
-    return folder
+        (project / f"{name}.py").write_text(text, encoding="utf-8")
+    _run("srvgen", "stubs", "my_interfaces", cwd=project)
+    return project
 
 
-@pytest.mark.parametrize("checker", ["mypy", "pyright"])
-def test_the_programs_of_the_readme_are_checked_as_they_stand(readme, checker):
+def test_the_programs_of_the_readme_are_checked_as_they_stand(request, readme, checker):
     names = sorted(path.name for path in readme.glob("*.py"))
     assert {"server.py", "client.py"} < set(names)
     if checker == "mypy":
         found = _mypy(readme, names, "--check-untyped-defs")
         reported = {"misread.py", "wrong.py"}  # mypy infers no types of functions without any
     else:
-        found = _pyright(readme, names)
+        found = request.getfixturevalue("pyright_reports")[readme.name]
         reported = {"misread.py", "wrong.py", "forgets.py"}
     assert set(found) == reported, found
 
 
+PAGES = "pages"
+"""The folder with one project for each page."""
+
+
 @pytest.fixture(scope="module")
-def pages(tmp_path_factory) -> Mapping[str, Messages]:
-    """What pyright says of the programs of all pages, by the name of the file."""
-    folder = tmp_path_factory.mktemp("pages")
+def pages(folder) -> list[Path]:
+    """The programs of all pages, with the stubs of their own definitions; one project each."""
     bundled_ones, _ = packages_with_dependencies([], Search([BUNDLED]))
-    put_all(stubs(bundled_ones), folder / "typings")
+    put_all(stubs(bundled_ones), folder / PAGES / "typings")
     roots = []
     for path in sorted((ROOT / "docs").rglob("*.md")):
-        root = folder / path.relative_to(ROOT / "docs").with_suffix("")
+        root = folder / PAGES / path.relative_to(ROOT / "docs").with_suffix("")
         if _write_programs(read_page(path), root):
             if own := sorted({each.parents[1].name for each in root.glob("*/*/*.*")}):
                 definitions, _ = packages_with_dependencies(own, Search([root, BUNDLED]))
                 put_all(stubs(definitions), root / "typings")
-            here = root.relative_to(folder).as_posix()
-            roots.append({"root": here, "extraPaths": [here, f"{here}/typings", "typings"]})
-    settings = {"executionEnvironments": roots, "exclude": ["**/typings"]}
-    (folder / "pyrightconfig.json").write_text(json.dumps(settings), encoding="utf-8")
+            roots.append(root)
     assert len(roots) > 10
-    return _pyright(folder, [])
+    return roots
 
 
-def test_the_programs_of_the_pages_have_no_mistakes_but_those_that_are_meant(pages):
-    assert set(pages) == {"mistakes.py"}, pages
+def test_the_programs_of_the_pages_have_no_mistakes_but_those_that_are_meant(pyright_reports):
+    found = {each: it for each, it in pyright_reports.items() if each.startswith(f"{PAGES}/")}
+    assert {name for each in found.values() for name in each} == {"mistakes.py"}, found
 
 
-def test_mypy_reports_the_mistakes_as_the_page_shows(tmp_path):
+def test_checkers_report_the_mistakes_as_the_page_shows(tmp_path, pyright_reports):
     page = read_page(ROOT / "docs" / "how-to" / "check-types.md")
     _write_programs(page, tmp_path)
     _run("srvgen", "stubs", "my_interfaces", "std_srvs", cwd=tmp_path)
@@ -258,7 +312,8 @@ def test_mypy_reports_the_mistakes_as_the_page_shows(tmp_path):
     )
     assert output.strip() == shown.partition("\n")[2]
     lines = {line.split(":")[1] for line in output.splitlines() if ": error:" in line}
-    assert {str(line) for line in _pyright(tmp_path, ["mistakes.py"])["mistakes.py"]} == lines
+    (found,) = pyright_reports[f"{PAGES}/how-to/check-types"].values()
+    assert {str(line) for line in found} == lines
 
 
 def test_mypy_checks_each_package_of_ros_under_its_name():

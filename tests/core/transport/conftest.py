@@ -87,7 +87,12 @@ class Network:
         ]
         if network not in self._networks:
             self._networks.append(network)
-        await helpers.until(lambda: all(to._engine.address in of._directory for of, to in pairs))
+        try:
+            await helpers.until(
+                lambda: all(to._engine.address in of._directory for of, to in pairs)
+            )
+        except TimeoutError:
+            pytest.fail("\n".join(missing_link(of._engine, to._engine) for of, to in pairs))
 
     def reaching(self, server):
         """Return the arguments with which a node with another secret reaches the server."""
@@ -95,6 +100,19 @@ class Network:
 
     async def client(self, srv_type, name, *, node="client", **options):
         return (await self.node(node)).create_client(srv_type, name, **options)
+
+
+def missing_link(of, to):
+    """Return what one program on ROS knows of another one, to tell why it has not found it."""
+    known = of._links._programs.get(to._id)
+    if known is None:
+        nodes = of._node.get_node_names()
+        return f"{of._id} does not know {to._id}; DDS has shown it the nodes {nodes}"
+    publishers = of._node.count_publishers(f"/_taskrpc/program_{to._id}")
+    return (
+        f"{of._id} knows {to._id}: alive {known.is_alive}, entry {known.entry}, reported"
+        f" {known.is_reported}; DDS has shown it {publishers} publishers of the entry"
+    )
 
 
 @pytest.fixture

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from taskrpc.middleware.ros.spinning import Ending, Spinner, wait_until_sent
+from tests import ros_domains
 from tests.middleware.ros.fake_ros import Context, InvalidHandle, Ros
 
 
@@ -33,6 +34,30 @@ def test_end_of_python_waits_for_the_last_action():
     ending._finish()
     ending.put(seen.append, "after the end")
     assert seen == ["last"]
+
+
+@pytest.mark.real_time
+def test_next_test_with_ros_begins_when_few_programs_have_still_to_leave(monkeypatch):
+    """Fast DDS would give its programs numbers with which they never find each other."""
+    leaving = []
+    for _ in range(ros_domains.MOST_LEAVING + 2):
+        ending, gone = Ending(), threading.Event()
+        ending.put(gone.wait)
+        ending.close()
+        leaving.append((ending, gone))
+
+    def sleep(_):
+        ending, gone = leaving.pop()
+        gone.set()
+        ending._thread.join(10)
+
+    monkeypatch.setattr(ros_domains, "time", SimpleNamespace(monotonic=time.monotonic, sleep=sleep))
+    try:
+        ros_domains.wait_for_those_that_leave()
+        assert ros_domains.leaving() == ros_domains.MOST_LEAVING
+    finally:
+        for _, gone in leaving:
+            gone.set()
 
 
 class FakeNode:

@@ -69,7 +69,7 @@ os._exit(0)
 @PAIRS
 def test_same_seed_has_the_same_hash_in_another_process(simulated, programs):
     loaded = simulated(FAULTS, robot=programs[0], client=programs[1])
-    seeds = range(200)
+    seeds = range(60)
     first = [loaded.hash_of(seed) for seed in seeds]
     assert hashes_in_another_process(loaded.file, seeds, 12345) == first
 
