@@ -257,7 +257,7 @@ class Service:
 
     def _begin(self, call: Any, coroutine: Coroutine[Any, Any, Any]) -> tuple[Any, GoOn]:
         """Run the first step of a coroutine; see `PlainService.begin`."""
-        result, has_ended = self._starter.begin(partial(answering.set, call), coroutine)
+        result, has_ended = self._starter.begin(coroutine, call)
         return result, self._answer if has_ended else self._suspended
 
     def _answer(self, call: IncomingCall, response: Any, began: float) -> None:

@@ -432,7 +432,7 @@ class ActionServer:
             self._publish_status()
             began = self._loop.time()
             try:
-                job = self._starter.start(_nothing, self._run(goal))
+                job = self._starter.start(self._run(goal))
             except StopIteration:
                 pass
             else:
@@ -574,10 +574,6 @@ class ActionServer:
                 self.action_name,
                 seconds,
             )
-
-
-def _nothing() -> None:
-    """Prepare nothing: the callback of a goal has no call context."""
 
 
 async def _decision(name: str, answer: object) -> bool:

@@ -228,7 +228,7 @@ class Deduplicator:
             self.done(execution, completion, error)
             return
         with contextlib.suppress(StopIteration):  # it is stored already
-            self._starter.start(_nothing, self._await_store(storing, execution, completion, error))
+            self._starter.start(self._await_store(storing, execution, completion, error))
             self.storing[execution] = _nothing
 
     def done(
@@ -340,7 +340,7 @@ class Deduplicator:
         """Learn what other servers have completed for the client of a call, then decide."""
         received.is_looked_up = True
         with contextlib.suppress(StopIteration):  # it is known already
-            self._starter.start(_nothing, self._learn(store, call, received))
+            self._starter.start(self._learn(store, call, received))
 
     async def _learn(
         self, store: SharedCompletionStore, call: IncomingCall, received: ReceivedId
@@ -364,7 +364,7 @@ class Deduplicator:
         self._state.next_expiry = now + _EXPIRE_EVERY
         if clients := ledger.expire(now):
             with contextlib.suppress(StopIteration):
-                self._starter.start(_nothing, self._forget(clients))
+                self._starter.start(self._forget(clients))
 
     async def _forget(self, clients: list[ClientKey]) -> None:
         try:

@@ -75,7 +75,7 @@ class CallbackRunner:
             result = self._callback(*arguments)
             if hasattr(result, "__await__"):
                 coroutine = result if inspect.iscoroutine(result) else as_coroutine(result)
-                self._await(self._starter.start(_nothing, coroutine))
+                self._await(self._starter.start(coroutine))
                 return
         except StopIteration:
             pass
@@ -204,7 +204,3 @@ def _location_of(callback: Callback) -> str:
         function = getattr(function, "__func__", None) or type(function).__call__
     code = getattr(inspect.unwrap(function), "__code__", None)
     return f" at {code.co_filename}:{code.co_firstlineno}" if code is not None else ""
-
-
-def _nothing() -> None:
-    """Prepare nothing: a callback of a subscription or timer has no call context."""

@@ -14,10 +14,13 @@ import types
 from asyncio import _enter_task, _leave_task  # documented for code that runs steps itself
 from collections.abc import Callable, Coroutine, Generator
 from contextvars import Context, copy_context
-from typing import Any
+from typing import Any, TypeAlias
 
-from taskrpc.core.callinfo import answering
+from taskrpc.core.callinfo import CallInfo, UnmadeCall, answering
 from taskrpc.core.transport.base import Ended
+
+Answered: TypeAlias = CallInfo | UnmadeCall | None
+"""The call that a coroutine answers, if any."""
 
 
 class EagerStarter:
@@ -31,24 +34,23 @@ class EagerStarter:
         self._held = held
         self._spare: _Spare | None = None
 
-    def start(
-        self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
-    ) -> asyncio.Task[Any]:
+    def start(self, coroutine: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
         """Run a coroutine up to its first suspension; return the task that runs the rest.
 
-        `prepare` is called first, in the coroutine's context. Raises StopIteration with the return
-        value if the coroutine returned, or the exception that it raised.
+        Raises StopIteration with the return value if the coroutine returned, or the exception that
+        it raised.
         """
-        result, has_ended = self.begin(prepare, coroutine)
+        result, has_ended = self.begin(coroutine)
         if has_ended:
             raise StopIteration(result)
         task: asyncio.Task[Any] = result.task
         return task
 
-    def begin(
-        self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
-    ) -> tuple[Any, bool]:
-        """Do as `start`; return the return value and True, or what runs the rest and False."""
+    def begin(self, coroutine: Coroutine[Any, Any, Any], call: Answered = None) -> tuple[Any, bool]:
+        """Do as `start`, for the coroutine that answers a call.
+
+        Return the return value and True, or what runs the rest (a `Begun`) and False.
+        """
         spare = self._spare
         # Is the spare task cancelled: by a program that cancels all tasks, or by an earlier
         # coroutine? `cancelling()` does not say so: `uncancel` lowers the count, but does not undo
@@ -62,10 +64,10 @@ class EagerStarter:
         try:
             _enter_task(self._loop, spare.task)
         except RuntimeError:  # called from within a running task
-            return _InTask(self._loop, prepare, coroutine), False
+            return _InTask(self._loop, coroutine, call), False
         has_ended = True
         try:
-            result, has_ended = spare.context.run(_first_step, prepare, coroutine)
+            result, has_ended = spare.context.run(_first_step, coroutine, call)
         finally:
             _leave_task(self._loop, spare.task)
             if has_ended and (
@@ -91,11 +93,11 @@ class _InTask:
     def __init__(
         self,
         loop: asyncio.AbstractEventLoop,
-        prepare: Callable[[], object],
         coroutine: Coroutine[Any, Any, Any],
+        call: Answered,
     ) -> None:
         context = copy_context()
-        context.run(prepare)
+        context.run(answering.set, call)
         self.task: asyncio.Task[Any] = loop.create_task(coroutine, context=context)
 
     def then(self, ended: Ended) -> None:
@@ -103,11 +105,9 @@ class _InTask:
         self.task.add_done_callback(ended.done)
 
 
-def _first_step(
-    prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
-) -> tuple[Any, bool]:
+def _first_step(coroutine: Coroutine[Any, Any, Any], call: Answered) -> tuple[Any, bool]:
     """Return the return value and True, or what the coroutine waits for and False."""
-    prepare()
+    answering.set(call)
     try:
         return coroutine.send(None), False
     except StopIteration as done:
@@ -124,6 +124,7 @@ class _Spare:
 
     def __init__(self, loop: asyncio.AbstractEventLoop, held: Callable[[float], None]) -> None:
         self.context: Context = copy_context()
+        self.context.run(answering.set, None)
         self._loop = loop
         self._held = held
         self.given: asyncio.Future[None] = asyncio.Future(loop=loop)

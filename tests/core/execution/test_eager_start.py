@@ -2,9 +2,11 @@
 
 import asyncio
 import contextvars
+from unittest import mock
 
 import pytest
 
+from taskrpc.core.callinfo import answering
 from taskrpc.core.execution.eager_start import EagerStarter
 
 variable = contextvars.ContextVar("variable", default="unset")
@@ -41,8 +43,8 @@ async def outside(function, *arguments):
     return await done
 
 
-async def start(starter, coroutine, prepare=lambda: None):
-    return await outside(starter.start, prepare, coroutine)
+async def start(starter, coroutine):
+    return await outside(starter.start, coroutine)
 
 
 async def test_coroutine_that_does_not_suspend_creates_no_task(starter):
@@ -84,7 +86,7 @@ async def test_several_coroutines_may_await_one_future_in_their_first_step(start
         return await shared
 
     coroutines = [wait() for _ in range(3)]
-    what, tasks = await outside(lambda: [starter.start(lambda: None, each) for each in coroutines])
+    what, tasks = await outside(lambda: [starter.start(each) for each in coroutines])
     assert what == "returned"
     await asyncio.sleep(1)
     shared.set_result(7)
@@ -180,7 +182,7 @@ async def test_cancellation_at_any_time_reaches_the_coroutine(starter, turns):
     made = loop.create_future()
 
     def begin():
-        task = starter.start(lambda: None, slow())
+        task = starter.start(slow())
         if turns == 0:
             task.cancel()
         made.set_result(task)
@@ -236,8 +238,8 @@ async def test_a_coroutine_that_cancels_itself_and_returns_cancels_no_other(star
 
     def both():
         with pytest.raises(StopIteration):
-            starter.start(lambda: None, tired())
-        return starter.start(lambda: None, slow())
+            starter.start(tired())
+        return starter.start(slow())
 
     _, task = await outside(both)
     assert await task == 0
@@ -258,8 +260,8 @@ async def test_cancel_taken_back_among_eager_tasks_cancels_no_other(starter):
 
     def both():
         with pytest.raises(StopIteration):
-            starter.start(lambda: None, cancelled_and_uncancelled())
-        return starter.start(lambda: None, slow())
+            starter.start(cancelled_and_uncancelled())
+        return starter.start(slow())
 
     what, task = await outside(both)
     assert what == "returned"
@@ -288,14 +290,14 @@ async def test_cancel_taken_back_in_the_first_step_cancels_no_other(starter, has
 
     def begin():
         with pytest.raises(StopIteration):
-            starter.start(lambda: None, cancelled_and_uncancelled())
+            starter.start(cancelled_and_uncancelled())
         later(turns)
 
     def later(turns):
         if turns:
             loop.call_soon(later, turns - 1)
         else:
-            made.set_result(starter.start(lambda: None, slow()))
+            made.set_result(starter.start(slow()))
 
     loop.call_soon(begin)
     assert await asyncio.wait_for(await made, 2) == 7
@@ -351,22 +353,28 @@ async def test_context_variable_keeps_its_value_after_a_suspension(starter):
     assert await task == "mine"
 
 
-async def test_prepared_context_is_visible_to_the_coroutine(starter):
+async def test_call_is_that_of_the_coroutine_before_and_after_suspending(starter):
     async def look():
-        first = variable.get()
+        first = answering.get()
         await asyncio.sleep(0)
-        return first, variable.get()
+        return first, answering.get()
 
-    _, task = await start(starter, look(), lambda: variable.set("prepared"))
-    assert await task == ("prepared", "prepared")
+    call = mock.Mock()
+    _, (begun, has_ended) = await outside(starter.begin, look(), call)
+    assert not has_ended
+    assert await begun.task == (call, call)
+    _, task = await start(starter, look())
+    assert await task == (None, None)
 
 
 async def test_start_inside_a_task_creates_a_task(starter):
     async def look():
-        return asyncio.current_task(), variable.get()
+        return asyncio.current_task(), answering.get()
 
-    task = starter.start(lambda: variable.set("prepared"), look())
-    assert await task == (task, "prepared")
+    call = mock.Mock()
+    begun, _ = starter.begin(look(), call)
+    assert await begun.task == (begun.task, call)
+    assert await starter.start(look()) != (begun.task, call)
 
 
 async def test_each_later_step_reports_how_long_it_held_the_loop(starter, held):
