@@ -40,7 +40,8 @@ class Faults(msgspec.Struct, frozen=True):
     busy: float = 0.0
     """The share of the requests that are refused because the queue is full, 0 to 1."""
     delay: tuple[float, float] = (0.0, 0.0)
-    """The least and the most seconds that a request, a response or a message takes."""
+    """The least and the most seconds that a request, a response or a message takes. While two
+    programs connect, it is at most half a second."""
     partition: tuple[float, float] | None = None
     """The least and the most seconds for which two programs cannot reach each other, at a moment
     of the run; None: never."""

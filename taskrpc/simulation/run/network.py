@@ -18,6 +18,12 @@ def open_network(settings: Settings) -> MemoryNetwork:
     )
 
 
+_FIRST = 4
+"""With so many pieces in each direction two programs connect, and look up a service."""
+_LONGEST_FIRST = 0.5
+"""The most seconds that each of these takes: with more, no two programs could connect in time."""
+
+
 class RunNetwork(NetworkFaults):
     """The connections of one run; what they do follows from its choices."""
 
@@ -35,6 +41,8 @@ class RunNetwork(NetworkFaults):
         if self.is_calm or most == 0 or not self._choices.happens("delays", 1.0):
             return 0.0
         count = self._counts[source, target] = self._counts.get((source, target), 0) + 1
+        if count <= _FIRST:
+            least, most = min(least, _LONGEST_FIRST), min(most, _LONGEST_FIRST)
         return self._choices.seconds(f"delay {count} {source} {target}", least, most)
 
 

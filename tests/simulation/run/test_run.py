@@ -141,6 +141,16 @@ def test_delays_are_within_their_range(simulated):
             assert 0.2 <= float(line.split()[1]) <= 0.41
 
 
+def test_programs_connect_although_their_calls_take_long(simulated):
+    patient = CLIENT.replace("timeout=1.0", "timeout=20.0")
+    assert patient != CLIENT
+    loaded = simulated("scenario.faults(delay=(2.0, 3.0))", robot=ROBOT, client=patient)
+    for seed in range(3):
+        outcome = loaded.run(seed)
+        assert [each.split()[0] for each in outcome.lines["client"]] == ["answer"] * 3
+        assert outcome.time > 3 * 2 * 2.0
+
+
 def test_killed_program_starts_again_within_the_range(simulated):
     loaded = simulated(
         "scenario.faults(crash=('robot',), restart=(2.0, 3.0))", duration=20, robot=WAITING_ROBOT
