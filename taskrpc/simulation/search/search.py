@@ -48,7 +48,8 @@ class WorkerProcess:
             if name.startswith(("TASKRPC_", "ROS_")):
                 del environment[name]
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "taskrpc.simulation.search.worker"],
+            # -P: a file of the working directory, such as queue.py, hides no module of Python.
+            [sys.executable, "-P", "-m", "taskrpc.simulation.search.worker"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment,

@@ -136,3 +136,18 @@ def test_search_in_real_processes_finds_the_mistake(simulated, jobs):
     assert again.failure is not None
     assert again.failure.hash == found.failure.hash == again.hash
     assert again.failure.faults == found.failure.faults
+
+
+def test_files_of_the_working_directory_hide_no_module_of_python(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "operator.py").touch()
+    (tmp_path / "robot.py").write_text("print('hello')")
+    file = tmp_path / "one.sim.py"
+    file.write_text(
+        "from taskrpc.simulation import Scenario\n"
+        "scenario = Scenario(duration=1.0)\n"
+        "scenario.program('robot', 'robot.py')\n"
+    )
+    with WorkerProcess() as worker:
+        worker.load(file)
+        assert worker.ask(Search([0])).failed is None
