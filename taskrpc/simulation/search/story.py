@@ -31,14 +31,15 @@ _GROUP_WORDS: Final = {
     "order of starts": "this order of the starts",
 }
 _LONGEST = 40
-"""Events that are shown at most; the others in the middle are left out."""
+"""Events that are shown at most: the first, the last, those around the faults and the failure."""
+_IMPORTANT: Final = ("fault", "crash", "raise")
 
 
 def story(found: Explained, lines: Mapping[str, Sequence[str]], *, everything: bool = False) -> str:
     """Return the failure and how it came about.
 
     `lines`: the lines of the programs' files, by name, which are shown beside the events. Without
-    `everything`, a long story has a gap.
+    `everything`, a long story has gaps.
     """
     return "\n".join(
         [
@@ -47,7 +48,7 @@ def story(found: Explained, lines: Mapping[str, Sequence[str]], *, everything: b
             "",
             _needs(found),
             "",
-            *_events(found.events, lines, everything),
+            *_events(found, lines, everything),
             *_waits(found.waits),
         ]
     )
@@ -62,20 +63,34 @@ def _needs(found: Explained) -> str:
     return f"Seed {found.seed} fails with {what}."
 
 
-def _events(
-    events: Sequence[Event], lines: Mapping[str, Sequence[str]], everything: bool
-) -> list[str]:
+def _events(found: Explained, lines: Mapping[str, Sequence[str]], everything: bool) -> list[str]:
+    events = found.events
     width = max((len(each.program) for each in events), default=0)
-    told = []
-    for each in events:
+    told, before = [], -1
+    shown = range(len(events)) if everything else _around_what_matters(events, found.failed_at)
+    for index in shown:
+        if left_out := index - before - 1:
+            told.append(f"{'':8}    … {left_out} more events (--verbose shows them)")
+        before, each = index, events[index]
         text = fault_words(each.text) if each.kind == "fault" else each.text
         words = _WORDS[each.kind].format(text=text)
         told.append(f"{each.time:8.3f} s  {each.program:<{width}}  {words}{_source(each, lines)}")
-    if len(told) > _LONGEST and not everything:
-        begin, end = _LONGEST // 4, _LONGEST - _LONGEST // 4
-        left_out = len(told) - begin - end
-        told[begin:-end] = [f"{'':8}    … {left_out} more events (--verbose shows them)"]
     return told
+
+
+def _around_what_matters(events: Sequence[Event], failed_at: float) -> list[int]:
+    """Return the indexes of the events to show: those nearest to the faults and the failure."""
+    if len(events) <= _LONGEST:
+        return list(range(len(events)))
+    failed = sum(each.time <= failed_at for each in events) - 1
+    ends = [0, max(failed, 0), len(events) - 1]
+    faults = [index for index, each in enumerate(events) if each.kind in _IMPORTANT]
+    centres = [*ends, *faults[: _LONGEST - len(ends)]]
+
+    def distance(index: int) -> int:
+        return min(abs(index - each) for each in centres)
+
+    return sorted(sorted(range(len(events)), key=distance)[:_LONGEST])
 
 
 def _source(event: Event, lines: Mapping[str, Sequence[str]]) -> str:

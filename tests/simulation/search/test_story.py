@@ -76,14 +76,36 @@ def test_each_kind_of_fault_has_words():
     assert "robot and student out of each other's reach and a slow robot and a wrong clock" in text
 
 
-def test_long_story_has_a_gap_unless_everything_is_wanted():
-    events = [Event(number, "robot", "print", f"line {number}") for number in range(100)]
-    found = msgspec.structs.replace(FOUND, events=events)
+def prints(count):
+    return [Event(number, "robot", "print", f"line {number}") for number in range(count)]
+
+
+def test_long_story_has_gaps_unless_everything_is_wanted():
+    found = msgspec.structs.replace(FOUND, events=prints(100), failed_at=99.0)
     short, long = story(found, LINES), story(found, LINES, everything=True)
     assert "… 60 more events (--verbose shows them)" in short
     assert "line 9\n" in short
     assert "line 50\n" not in short
     assert "line 50\n" in long
+
+
+def test_long_story_shows_what_lies_around_each_fault_and_the_failure():
+    events = prints(300)
+    events[100] = Event(100, "robot", "fault", "lose response 1 of /pick")
+    events[200] = Event(200, "robot", "crash", "is killed")
+    found = msgspec.structs.replace(FOUND, events=events, failed_at=250.5)
+    lines = story(found, LINES).splitlines()[5:]
+    shown = [float(each.split()[0]) for each in lines if " s  robot" in each]
+    assert {0, 96, 100, 104, 196, 200, 204, 247, 250, 253, 299} <= set(shown)
+    assert shown == sorted(shown)
+    assert len(shown) == 40
+    assert sum("more events" in each for each in lines) == 4
+
+
+def test_story_of_more_faults_than_can_be_shown_is_short_too():
+    events = [Event(number, "robot", "fault", "slow robot") for number in range(9000)]
+    found = msgspec.structs.replace(FOUND, events=events, failed_at=8000.0)
+    assert len(story(found, LINES).splitlines()) < 60
 
 
 def test_lines_are_those_of_the_files_in_the_folder(tmp_path):
