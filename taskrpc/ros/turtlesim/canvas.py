@@ -100,4 +100,10 @@ def _visible(start: Point, end: Point, width: int) -> tuple[Point, Point] | None
     (x, y), (wide, high) = start, (end[0] - start[0], end[1] - start[1])
     near = (x + wide * first, y + high * first) if first > 0 else start
     far = (x + wide * last, y + high * last) if last < 1 else end
-    return near, far
+    # Of a very long line, rounding could move these ends far away from the picture again.
+    return _limited(near, lowest, highest), _limited(far, lowest, highest)
+
+
+def _limited(point: Point, lowest: float, highest: float) -> Point:
+    x, y = point
+    return min(max(x, lowest), highest), min(max(y, lowest), highest)

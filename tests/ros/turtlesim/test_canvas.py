@@ -1,6 +1,6 @@
 """Lines of pens, and the colors below turtles."""
 
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from taskrpc.ros.turtlesim.canvas import EMPTY, SIZE, Canvas, Pen
@@ -59,3 +59,15 @@ def test_a_line_from_very_far_is_drawn_where_it_crosses_the_picture():
     canvas.draw((1e9, 0), (1e9, 1e9), Pen(RED, 1))
     canvas.draw((-300, 100), (100, -300), Pen(RED, 1))
     assert canvas.pixels() == {}
+
+
+VERY_FAR = st.tuples(*[st.floats(-4e39, 4e39)] * 2)
+
+
+@given(POINTS | VERY_FAR, POINTS | VERY_FAR)
+@example((6.25e15, -123.7), (-761.6, 321.0))
+@example((3.4e39, 2.4e21), (-3e23, 431.4))
+def test_a_line_of_any_length_is_drawn_quickly(start, end):
+    canvas = Canvas()
+    canvas.draw(start, end, Pen(RED, 1))
+    assert len(canvas.pixels()) <= 2 * SIZE
