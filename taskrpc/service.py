@@ -26,8 +26,15 @@ from taskrpc.core.execution.eager_start import EagerStarter
 from taskrpc.core.execution.fair_queue import FairQueue
 from taskrpc.core.request_ids.ids import CompletionStore
 from taskrpc.core.security.roles import Role
-from taskrpc.core.system.signals import end_program
-from taskrpc.core.transport.base import Begun, GoOn, IncomingCall, Mode, Offer, PlainService
+from taskrpc.core.transport.base import (
+    Begun,
+    GoOn,
+    IncomingCall,
+    Mode,
+    Offer,
+    PlainService,
+    end_program,
+)
 from taskrpc.core.transport.codec import ServiceType, codec_of
 from taskrpc.core.transport.connection.deadline_timer import TICK, clock_of
 from taskrpc.core.transport.connection.incoming_call import answer_unexpected

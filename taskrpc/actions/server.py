@@ -35,7 +35,7 @@ from taskrpc.core.execution.callbacks import (
 from taskrpc.core.execution.eager_start import EagerStarter
 from taskrpc.core.request_ids.ids import CompletionStore
 from taskrpc.core.security.roles import Role
-from taskrpc.core.system.signals import end_program
+from taskrpc.core.transport.base import end_program
 from taskrpc.core.transport.codec import codec_of
 from taskrpc.core.transport.time_of_day import time_of_day_ns
 from taskrpc.deferred import DeferredCall, DeferredService

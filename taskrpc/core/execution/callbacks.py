@@ -12,7 +12,7 @@ from types import FunctionType, MethodType
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from taskrpc.core.execution.eager_start import EagerStarter
-from taskrpc.core.system.signals import end_program
+from taskrpc.core.transport.base import end_program
 
 if TYPE_CHECKING:
     from taskrpc.core.execution.daemon_threads import DaemonThreads

@@ -15,14 +15,6 @@ if TYPE_CHECKING:
 _NO_SUCH_PROCESS = 87  # Windows' ERROR_INVALID_PARAMETER: no process has this id
 
 
-def end_program(error: BaseException) -> None:
-    """Raise SystemExit or KeyboardInterrupt; call it from the event loop, which then ends.
-
-    In an asyncio protocol it must not be raised: uvloop swallows it there.
-    """
-    raise error
-
-
 @contextlib.contextmanager
 def stop_signals(stop: Callable[[int], object]) -> Iterator[None]:
     """Call `stop(signal number)` at Ctrl-C, SIGTERM and Windows' Ctrl-Break.

@@ -298,3 +298,11 @@ class NativeTopics(Protocol):
         """Create a native subscription; `deliver(body, number)` gets the body as its publisher's
         `encode` returned it, or as the middleware encodes it: only `decode` reads it.
         """
+
+
+def end_program(error: BaseException) -> None:
+    """Raise SystemExit or KeyboardInterrupt; call it from the event loop, which then ends.
+
+    In an asyncio protocol it must not be raised: uvloop swallows it there.
+    """
+    raise error

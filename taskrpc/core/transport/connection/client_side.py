@@ -12,7 +12,7 @@ from typing import Any, ClassVar, Protocol
 import msgspec
 
 from taskrpc.core.request_ids.ids import RequestCounter
-from taskrpc.core.system.signals import end_program
+from taskrpc.core.transport.base import end_program
 from taskrpc.core.transport.connection.connection import Connection, Owner
 from taskrpc.core.transport.connection.deadline_timer import CHECK_LATE, TICK
 from taskrpc.core.wire import messages
