@@ -14,10 +14,10 @@ import types
 from asyncio import _enter_task, _leave_task  # documented for code that runs steps itself
 from collections.abc import Callable, Coroutine, Generator
 from contextvars import Context, copy_context
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, cast
 
 from taskrpc.core.callinfo import CallInfo, UnmadeCall, answering
-from taskrpc.core.transport.base import Ended
+from taskrpc.core.transport.base import Begun, Ended
 
 Answered: TypeAlias = CallInfo | UnmadeCall | None
 """The call that a coroutine answers, if any."""
@@ -34,7 +34,7 @@ class EagerStarter:
         self._held = held
         self._spare: _Spare | None = None
 
-    def start(self, coroutine: Coroutine[Any, Any, Any]) -> asyncio.Task[Any]:
+    def start(self, coroutine: Coroutine[object, None, object]) -> asyncio.Task[object]:
         """Run a coroutine up to its first suspension; return the task that runs the rest.
 
         Raises StopIteration with the return value if the coroutine returned, or the exception that
@@ -43,10 +43,11 @@ class EagerStarter:
         result, has_ended = self.begin(coroutine)
         if has_ended:
             raise StopIteration(result)
-        task: asyncio.Task[Any] = result.task
-        return task
+        return cast("Begun", result).task
 
-    def begin(self, coroutine: Coroutine[Any, Any, Any], call: Answered = None) -> tuple[Any, bool]:
+    def begin(
+        self, coroutine: Coroutine[object, None, object], call: Answered = None
+    ) -> tuple[object, bool]:
         """Do as `start`, for the coroutine that answers a call.
 
         Return the return value and True, or what runs the rest (a `Begun`) and False.
