@@ -42,6 +42,7 @@ def use_product(interpreter: Interpreter, folder: Path, files: Sequence[Path]) -
     if "rclpy" in sys.modules:
         for name in _OF_ROS:
             importlib.import_module(name)
+        importlib.import_module("rclpy._impl.diagnostics.explain").lose_failed_calls()
     srvgen.load = functools.cache(_load)  # the files do not change during the runs
     if "publishers" not in _watched:
         _watched.add("publishers")

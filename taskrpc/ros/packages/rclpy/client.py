@@ -16,7 +16,13 @@ from taskrpc.spi import gid_of
 
 from ._impl.bridge import detached
 from ._impl.diagnostics.deadlocks import call_ended, check_call
-from ._impl.diagnostics.explain import call_failed, call_unspun, like_ros, type_mismatch
+from ._impl.diagnostics.explain import (
+    call_failed,
+    call_unspun,
+    like_ros,
+    loses_failed_calls,
+    type_mismatch,
+)
 from ._impl.diagnostics.limits import wrapped_or_refused
 from ._impl.execution.entity import Entity, is_busy, node_name
 from ._impl.execution.outbox import OnResponse, Outbox
@@ -317,7 +323,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         if future is None:
             return None
         if error is not None:
-            if like_ros():
+            if loses_failed_calls():
                 return None
             call_failed(self._full_name, error)
         return lambda: self._complete(future, response, error)

@@ -15,12 +15,24 @@ from taskrpc.spi import problem_of_callback
 _reported: set[tuple[object, ...]] = set()
 """The causes whose line was printed."""
 _lock = threading.Lock()
+_loses_failed_calls = False
 
 
 @functools.cache
 def like_ros() -> bool:
     """Whether to behave exactly as ROS 2 instead of helping (`TASKRPC_LIKE_ROS=1`)."""
     return os.environ.get("TASKRPC_LIKE_ROS") == "1"
+
+
+def lose_failed_calls() -> None:
+    """Let the future of a failed call stay undone from now on, as ROS 2 does."""
+    global _loses_failed_calls
+    _loses_failed_calls = True
+
+
+def loses_failed_calls() -> bool:
+    """Whether the future of a failed call is never done; otherwise it gets the error."""
+    return _loses_failed_calls or like_ros()
 
 
 def call_deadlock(service: str, callback: str, why: str) -> str:
