@@ -99,6 +99,8 @@ class Scenario:
         restart: tuple[float, float] | None = None,
     ) -> None:
         """Say which faults may happen; see `Faults`. Add the programs before."""
+        if restart is not None and not crash:
+            raise TaskRpcError("restart: expected crash=(…) beside it: the programs to be killed")
         self.fault_settings = Faults(
             lose_requests=_share("lose_requests", lose_requests),
             lose_responses=_share("lose_responses", lose_responses),

@@ -60,6 +60,12 @@ class WrongClock:
         self._since = since
         self._ahead = ahead
 
+    def __str__(self) -> str:
+        if self._ahead is None:
+            return f"stands still from {self._since:.3f} s on"
+        where = "ahead" if self._ahead > 0 else "behind"
+        return f"is {abs(self._ahead):g} s {where} from {self._since:.3f} s on"
+
     def ahead(self, now: float) -> float:
         """Return how far the clock is ahead, in seconds."""
         if now < self._since:

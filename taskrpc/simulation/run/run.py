@@ -178,6 +178,11 @@ class Run:
         return self._network.is_calm
 
     @property
+    def names(self) -> Sequence[str]:
+        """The names of the programs."""
+        return [each.name for each in self._scenario.programs]
+
+    @property
     def lives(self) -> Iterable[Process]:
         """All starts of all programs."""
         return self.processes.values()
@@ -449,6 +454,7 @@ class Run:
             chance = self._choices.chance(f"clock of {process.id}")
             process.clock = WrongClock(chance.expovariate(0.3), chance.choice((*_WRONG, None)))
             self.fault(f"wrong clock {name}", name)
+            self.note("fault", f"the time of day {process.clock}", name)
 
     def _watch(self) -> bool:
         """Look at what a step has done; returns whether to stop the stacks."""
@@ -498,6 +504,9 @@ class Run:
         self._keep_apart()
         if self._coming:  # programs that were killed shortly before the end
             self._advance(max(when for when, _, _ in self._coming) + START_WITHIN)
+        # A deadlock explains more than the check that fails because of it.
+        if self.failure is None and (threads := ends.circle(self._stacks, self.processes)):
+            self.fail("deadlock", threads)
         if self.failure is None:
             self._check(self._scenario.final_checks)
         if self.failure is None:
@@ -551,8 +560,6 @@ class Run:
 
     def _look_for_waits(self) -> None:
         """Find programs that wait for ever."""
-        if threads := ends.circle(self._stacks, self.processes):
-            self.fail("deadlock", threads)
         for process in self.processes.values():
             if process.is_gone:
                 continue

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
 import msgspec
+
+from taskrpc.errors import TaskRpcError
 
 
 class CallRecord(msgspec.Struct):
@@ -49,6 +51,10 @@ class Observed(Protocol):
         """Virtual seconds since the begin."""
 
     @property
+    def names(self) -> Sequence[str]:
+        """The names of the programs."""
+
+    @property
     def lives(self) -> Iterable[Lived]:
         """All starts of all programs."""
 
@@ -57,7 +63,10 @@ class Observed(Protocol):
 
 
 class SimulatedWorld:
-    """The state of a run, for the functions of `always` and `finally_`."""
+    """The state of a run, for the functions of `always` and `finally_`.
+
+    Methods that take the name of a program raise TaskRpcError for a name that the scenario lacks.
+    """
 
     def __init__(self, run: Observed) -> None:
         self._run = run
@@ -81,7 +90,7 @@ class SimulatedWorld:
 
     def lines(self, program: str) -> list[str]:
         """Return the lines that a program printed or logged, over all its starts."""
-        return [line for each in self._run.lives if each.name == program for line in each.lines]
+        return [line for each in self._lives(program) for line in each.lines]
 
     def count(self, program: str, text: str) -> int:
         """Return how many lines of a program contain a text."""
@@ -94,7 +103,7 @@ class SimulatedWorld:
 
     def starts(self, program: str) -> int:
         """Return how often a program was started."""
-        return sum(each.name == program for each in self._run.lives)
+        return len(self._lives(program))
 
     def call(self, service: str, **fields: Any) -> Any:
         """Call a service and return its response; only in functions of `finally_`.
@@ -102,3 +111,9 @@ class SimulatedWorld:
         No faults happen any more. Raises TaskRpcError if the call fails.
         """
         return self._run.call(service, fields)
+
+    def _lives(self, program: str) -> list[Lived]:
+        if program not in self._run.names:
+            known = ", ".join(self._run.names)
+            raise TaskRpcError(f"expected the name of a program ({known}), got {program!r}")
+        return [each for each in self._run.lives if each.name == program]

@@ -29,6 +29,24 @@ def test_threads_that_wait_for_each_others_locks_are_a_deadlock(simulated):
     assert failure.text.count("a thread of a waits at a.py:7 for a lock that another") == 2
 
 
+def test_deadlock_is_told_rather_than_the_final_check_that_fails_because_of_it(simulated):
+    loaded = simulated(
+        """
+        @scenario.finally_
+        def program_ends(world):
+            assert world.count("program", "done") == 1
+        """,
+        program="""
+            import threading
+            lock = threading.Lock()
+            lock.acquire()
+            lock.acquire()
+            print("done")
+            """,
+    )
+    assert loaded.explain(loaded.search(0).failed).kind == "deadlock"
+
+
 def test_lock_taken_twice_is_a_deadlock(simulated):
     loaded = simulated(
         a="""

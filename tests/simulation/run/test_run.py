@@ -275,3 +275,23 @@ def robot_answers(world):
     answer = loaded.search(*range(60))
     assert answer.failed is None
     assert answer.coverage.faults["kill"] > 0
+
+
+def test_story_says_what_a_wrong_clock_does(simulated):
+    loaded = simulated(
+        """
+        scenario.faults(wrong_clock=("program",))
+
+        @scenario.always
+        def time_goes_on(world):
+            times = [float(each) for each in world.lines("program")]
+            assert all(0 < later - earlier < 1.5 for earlier, later in zip(times, times[1:]))
+        """,
+        duration=20,
+        program="import time\nwhile True:\n    print(time.time())\n    time.sleep(1.0)",
+    )
+    failed = loaded.search(*range(30)).failed
+    words = [each.text for each in loaded.explain(failed).events if each.kind == "fault"]
+    assert words[0] == "wrong clock program"
+    assert "from" in words[1]
+    assert words[1].startswith(("the time of day is ", "the time of day stands still "))

@@ -74,7 +74,6 @@ def test_lines_are_those_that_a_program_printed_or_logged(simulated):
         @scenario.always
         def seen_at_once(world):
             assert world.count("a", "printed") >= world.count("a", "logged")
-            assert world.lines("unknown") == []
 
         @scenario.finally_
         def all_seen(world):
@@ -123,11 +122,25 @@ def test_time_and_starts(simulated):
         def at_the_end(world):
             assert 5 < world.time < 6
             assert world.starts("a") == 1
-            assert world.starts("b") == 0
         """,
         a="import time; print(1); time.sleep(5); print(2)",
     )
     loaded.run()
+
+
+@pytest.mark.parametrize("question", ["lines('b')", "count('b', 'x')", "starts('b')"])
+def test_question_about_an_unknown_program_fails_the_check(simulated, question):
+    loaded = simulated(
+        f"""
+        @scenario.always
+        def about_b(world):
+            assert not world.{question}
+        """,
+        a="print(1)",
+    )
+    failure = loaded.explain(loaded.search(0).failed)
+    assert failure.kind == "about_b"
+    assert "expected the name of a program (a), got 'b'" in failure.text
 
 
 @pytest.mark.parametrize("robot", [ROBOT, ROS_ROBOT])
