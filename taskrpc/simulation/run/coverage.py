@@ -17,6 +17,8 @@ class Coverage(msgspec.Struct):
     """Calls that ended with an error or never, by service."""
     offered: dict[str, int] = {}
     """In how many runs a service was offered."""
+    messages: dict[str, int] = {}
+    """Messages that were published, by topic."""
     faults: dict[str, int] = {}
     """How often each kind of fault happened."""
 
@@ -24,7 +26,7 @@ class Coverage(msgspec.Struct):
         """Add what other runs have reached."""
         self.runs += other.runs
         self.seconds += other.seconds
-        for name in "calls", "unanswered", "offered", "faults":
+        for name in "calls", "unanswered", "offered", "messages", "faults":
             mine = getattr(self, name)
             for key, count in getattr(other, name).items():
                 mine[key] = mine.get(key, 0) + count

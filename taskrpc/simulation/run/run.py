@@ -360,6 +360,8 @@ class Run:
                     found.unanswered[call.service] = found.unanswered.get(call.service, 0) + 1
         for service in self._offered:
             found.offered[service] = 1
+        for topic, messages in self.messages.items():
+            found.messages[topic] = len(messages)
         for fault in self.faults_happened:
             kind = kind_of(fault)
             found.faults[kind] = found.faults.get(kind, 0) + 1

@@ -64,18 +64,42 @@ def _needs(found: Explained) -> str:
 
 
 def _events(found: Explained, lines: Mapping[str, Sequence[str]], everything: bool) -> list[str]:
-    events = found.events
-    width = max((len(each.program) for each in events), default=0)
+    width = max((len(each.program) for each in found.events), default=0)
+    if everything:
+        folded = [(each, 1) for each in found.events]
+        shown: Sequence[int] = range(len(folded))
+    else:
+        folded = _folded(found.events)
+        shown = _around_what_matters([each for each, _ in folded], found.failed_at)
     told, before = [], -1
-    shown = range(len(events)) if everything else _around_what_matters(events, found.failed_at)
     for index in shown:
-        if left_out := index - before - 1:
+        if left_out := sum(count for _, count in folded[before + 1 : index]):
             told.append(f"{'':8}    … {left_out} more events (--verbose shows them)")
-        before, each = index, events[index]
+        before, (each, count) = index, folded[index]
         text = fault_words(each.text) if each.kind == "fault" else each.text
         words = _WORDS[each.kind].format(text=text)
+        if count > 1:
+            words += f", {count} times until the next other event"
         told.append(f"{each.time:8.3f} s  {each.program:<{width}}  {words}{_source(each, lines)}")
     return told
+
+
+def _folded(events: Sequence[Event]) -> list[tuple[Event, int]]:
+    """Return the events, each with a count; equal messages between two other events are one."""
+    folded: list[tuple[Event, int]] = []
+    places: dict[tuple[str, str, str], int] = {}
+    for each in events:
+        key = each.program, each.text, each.where
+        if each.kind != "message":
+            places.clear()
+        elif (place := places.get(key)) is not None:
+            first, count = folded[place]
+            folded[place] = first, count + 1
+            continue
+        else:
+            places[key] = len(folded)
+        folded.append((each, 1))
+    return folded
 
 
 def _around_what_matters(events: Sequence[Event], failed_at: float) -> list[int]:
@@ -125,6 +149,9 @@ def summary(coverage: Coverage, shapes: int, seconds: float) -> str:
     ]
     if coverage.calls:
         lines.append(f"Calls: {_counts(coverage.calls, coverage.unanswered)}.")
+    if coverage.messages:
+        messages = ", ".join(f"{name} {count}" for name, count in sorted(coverage.messages.items()))
+        lines.append(f"Messages: {messages}.")
     if coverage.faults:
         faults = ", ".join(f"{name} {count}" for name, count in sorted(coverage.faults.items()))
         lines.append(f"Faults: {faults}.")

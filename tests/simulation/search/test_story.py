@@ -108,6 +108,23 @@ def test_story_of_more_faults_than_can_be_shown_is_short_too():
     assert len(story(found, LINES).splitlines()) < 60
 
 
+def test_equal_messages_are_told_once_until_something_else_happens():
+    def message(time, topic):
+        return Event(time, "robot", "message", topic, "robot.py:1")
+
+    events = [message(0.1 * number, f"/{'ab'[number % 2]}") for number in range(7)]
+    events += [Event(1.0, "robot", "print", "ready"), message(1.1, "/a"), message(1.2, "/a")]
+    found = msgspec.structs.replace(FOUND, events=events, failed_at=1.2)
+    told = [each.split("robot.py")[0].split() for each in story(found, {}).splitlines()[5:10]]
+    assert [" ".join(words[3:]) for words in told[:4]] == [
+        "publishes on /a, 4 times until the next other event",
+        "publishes on /b, 3 times until the next other event",
+        "prints: ready",
+        "publishes on /a, 2 times until the next other event",
+    ]
+    assert story(found, {}, everything=True).count("publishes") == 9
+
+
 def test_lines_are_those_of_the_files_in_the_folder(tmp_path):
     (tmp_path / "inner").mkdir()
     (tmp_path / "inner" / "client.py").write_text("one\ntwo\n")
@@ -120,11 +137,13 @@ def test_summary_says_what_was_reached_and_what_was_not():
         seconds=600.0,
         calls={"/pick": 9, "/place": 1},
         unanswered={"/pick": 2},
+        messages={"/map": 1},
         offered={"/pick": 9, "/stop": 9},
         faults={"lose request": 3, "kill": 1},
     )
     text = summary(coverage, 40, 2.0)
     assert text.startswith("100 runs in 2.0 s (50 a second; 600 s of virtual time), 40 different")
     assert "Calls: /pick 9 (2 without a response), /place 1." in text
+    assert "Messages: /map 1." in text
     assert "Faults: kill 1, lose request 3." in text
     assert text.endswith("Not reached: nobody called /stop.")
