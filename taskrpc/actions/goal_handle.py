@@ -126,7 +126,10 @@ class GoalHandle(Generic[ResultT, FeedbackT]):
         True: the goal ends soon; `result()` waits for the end. False: the goal has ended already,
         or the server refuses. Raises the errors of `Client.call`.
         """
-        return await self._cancel(self._goal_id, timeout)
+        agrees = await self._cancel(self._goal_id, timeout)
+        if agrees:  # the message with the new state may not have arrived yet
+            self._advanced(GoalState.CANCELING)
+        return agrees
 
     def _advanced(self, state: GoalState) -> None:
         """Note an active state that the server reports; an older report changes nothing."""

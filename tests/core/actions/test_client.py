@@ -55,6 +55,15 @@ async def test_a_goal_is_cancelled_if_its_client_stops_waiting_for_the_decision(
         assert sleeper.begun == [50, 60]
 
 
+async def test_a_goal_is_canceling_once_the_server_agrees_to_cancel(monkeypatch):
+    """Also if the message with the new state arrives after the response."""
+    monkeypatch.setattr(taskrpc.ActionClient, "_on_status", lambda client, message: None)
+    async with programs(Sleeper()) as (_, _, client):
+        handle = await client.send_goal(order(50))
+        assert await handle.cancel()
+        assert handle.state is GoalState.CANCELING
+
+
 async def test_a_goal_with_an_id_of_its_own_is_not_cancelled():
     sleeper = Sleeper()
     faults = CallFaults(f"lose-response:first=1,service={SEND}")
