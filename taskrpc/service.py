@@ -253,14 +253,12 @@ class Service:
         """Answer a call with the result of its callback, or await the result."""
         try:
             if result.__class__ is not self._response and hasattr(result, "__await__"):
-                if self._run_async(call, result, began):
-                    return
+                result, go_on = self._awaited(call, result)
             else:
-                self._returned(call, result)
+                go_on = self._answer
+            go_on(call, result, began)
         except BaseException as error:
             self._break_off(call, error, began)
-        else:
-            self._end(call, began)
 
     def _begin(self, call: Any, coroutine: Coroutine[Any, Any, Any]) -> tuple[Any, GoOn]:
         """Run the first step of a coroutine; see `PlainService.begin`."""
@@ -299,27 +297,21 @@ class Service:
         if (held := self._now() - began) > HOLDS_LOOP_AFTER:
             self._held_loop(held)
 
-    def _run_async(self, call: IncomingCall, result: Awaitable[Any], began: float) -> bool:
-        """Run an awaitable; return whether it has suspended."""
-        coroutine: Coroutine[Any, Any, Any]
+    def _awaited(self, call: IncomingCall, result: Awaitable[Any]) -> tuple[Any, GoOn]:
+        """Begin to await; return what came of it, and the function that takes both."""
         if isinstance(result, CoroutineType):
-            coroutine = result
-        elif isinstance(result, asyncio.Future) and result.get_loop() is self._loop:
-            if result.done():
-                self._returned(call, result.result())
-                return False
-            call.on_cancel = result.cancel
-            self._await(result, call, began)
-            self._check_held(began)
-            return True
-        else:
-            coroutine = as_coroutine(result)
-        begun, go_on = self._begin(call, coroutine)
-        if go_on == self._answer:
-            self._returned(call, begun)
-            return False
-        self._suspended(call, begun, began)
-        return True
+            return self._begin(call, result)
+        if not isinstance(result, asyncio.Future) or result.get_loop() is not self._loop:
+            return self._begin(call, as_coroutine(result))
+        if result.done():
+            return result.result(), self._answer
+        return result, self._await_future
+
+    def _await_future(self, call: IncomingCall, future: asyncio.Future[Any], began: float) -> None:
+        """Answer a call at the end of the future that its callback has returned."""
+        call.on_cancel = future.cancel
+        self._await(future, call, began)
+        self._check_held(began)
 
     def _suspended(self, call: IncomingCall, begun: Begun, began: float) -> None:
         """Answer a call at the end of its coroutine, which has suspended."""
