@@ -130,11 +130,13 @@ class Deduplicator:
                 self._answer_repetition(call, received, verdict, ledger)
                 return
             self._new += 1
-        self._serve(self._execution(call, now))
+        execution = self._execution(call, now)
+        self._begin(execution, call)
+        self._serve(execution)
 
     def _execution(self, call: IncomingCall, now: float) -> Execution:
         """Return the execution of a new request; `now` is its arrival on the lease clock."""
-        execution = Execution(
+        return Execution(
             service=call.service,
             caller=call.caller,
             principal=call.principal,
@@ -148,10 +150,12 @@ class Deduplicator:
             owner=self,
             callers=[call],
         )
+
+    def _begin(self, execution: Execution, call: IncomingCall) -> None:
+        """Let later calls with the same id find the execution, and a cancel of the call end it."""
         call.on_cancel = execution.remove_cancelled
         if call.received_id is not None:
             call.received_id.execution = execution
-        return execution
 
     # The plain path: a new request whose callback returns at once, and a store that completes it
     # at once. A test compares it with the general path.
@@ -177,16 +181,7 @@ class Deduplicator:
         """Store the encoded response of an admitted request."""
         clock = self._state.clock
         assert clock is not None, "a request was admitted"
-        completion = Completion(
-            principal,
-            received.client,
-            received.sequence,
-            received.first_incomplete,
-            received.fingerprint,
-            body,
-            0,
-            arrived + clock.offset,
-        )
+        completion = received.completion(principal, body, 0, arrived + clock.offset)
         self._store.complete(completion, None)
         self._state.stored(completion, received)
 
@@ -198,9 +193,8 @@ class Deduplicator:
         execution.started = True
         if is_over:
             execution.callers, execution.is_storing = [], True
-            call.on_cancel = None
-            if call.received_id is not None:
-                call.received_id.execution = None
+        else:
+            self._begin(execution, call)
         return execution
 
     # The end of an execution

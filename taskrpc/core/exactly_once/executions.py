@@ -104,16 +104,7 @@ class Execution(IncomingCall, eq=False, kw_only=True):
         received = self.received_id
         if received is None:
             return None
-        return Completion(
-            self.principal,
-            received.client,
-            received.sequence,
-            received.first_incomplete,
-            received.fingerprint,
-            body,
-            code,
-            self.arrived,
-        )
+        return received.completion(self.principal, body, code, self.arrived)
 
     def completed_elsewhere(self, completion: Completion) -> Any:
         """Take over the response of another server that completed the request meanwhile.

@@ -65,6 +65,11 @@ class ReceivedId(msgspec.Struct, eq=False):
     is_looked_up: bool = False
     """Whether the server has looked for it in a store that it shares with other servers."""
 
+    def completion(self, principal: str, body: bytes, code: int, at: float) -> Completion:
+        """Return the record that completes the request, with a response or a failure."""
+        client, sequence, first = self.client, self.sequence, self.first_incomplete
+        return Completion(principal, client, sequence, first, self.fingerprint, body, code, at)
+
 
 def id_splitter(service: str) -> Callable[[Body], tuple[ReceivedId, Body]]:
     """Return a function that splits a body of this service into the request id and the message.

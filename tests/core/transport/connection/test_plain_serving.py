@@ -28,7 +28,6 @@ from taskrpc.core.wire.handshake import Identity
 from taskrpc.core.wire.messages import Limits, Resolve
 from taskrpc.core.wire.session import LONGEST_TIME, Session
 from taskrpc.errors import Code, HandlerError
-from taskrpc.service import Service
 from taskrpc.spi import Denied
 from taskrpc.testing import VirtualTimeLoop
 from tests.core.wire.helpers import Replaced
@@ -565,6 +564,7 @@ PLAIN = [
     (" and call.call is None", ""),
     ("(length := len(encoded)) > limit", "(length := len(encoded)) < 0"),
     ("error, service.raised", "error, service.returned"),
+    ("go_on(call.made()", "service.returned(call.made()"),
     ("reset_answering(token)", "pass"),
     ("call.ended = True", "pass"),
     ("connection.clock_at = ended = now()", "ended = now()"),
@@ -587,7 +587,6 @@ SERVING = [
 DIFFERENCES = [
     *((plain_serving, "_plain", *texts) for texts in PLAIN),
     *((Session, "serve", *texts) for texts in SERVING),
-    (Service, "_begin", "self._answer if", "self._continue if"),
     (Deduplicator, "admit", "self._new += 1", "pass"),
     (Deduplicator, "admit", "arrived + clock.offset", "arrived"),
     (Deduplicator, "complete", "arrived + clock.offset", "arrived"),
