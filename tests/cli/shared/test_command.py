@@ -119,16 +119,21 @@ def test_version(capsys):
     assert capsys.readouterr().out.startswith("taskrpc ")
 
 
+def printed_by(program):
+    """What a program prints in a Python of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
+    )
+    return done.stdout
+
+
 def test_command_does_not_import_modules_of_other_commands():
     program = (
         "import sys; from taskrpc.cli.main import main; main([]);"
         "unwanted = {'asyncio', 'msgspec', 'yaml', 'srvgen.definitions.names', 'rich'};"
         "print(sorted(unwanted & set(sys.modules)))"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
-    )
-    assert done.stdout.splitlines()[-1] == "[]"
+    assert printed_by(program).splitlines()[-1] == "[]"
 
 
 def test_call_does_not_import_robot_tasks_or_rich():
@@ -138,10 +143,7 @@ def test_call_does_not_import_robot_tasks_or_rich():
         " (['taskrpc', 'robot'], ['taskrpc', 'tasks'], ['taskrpc', 'sync'])"
         " or m in ('rich', 'sqlite3', 'uvloop', 'importlib.metadata')])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
-    )
-    assert done.stdout.strip() == "[]"
+    assert printed_by(program).strip() == "[]"
 
 
 def test_a_program_that_only_calls_does_not_import_the_serving_side():
@@ -159,10 +161,7 @@ def test_a_program_that_only_calls_does_not_import_the_serving_side():
         "ours = [each for each in sys.modules if each.startswith('taskrpc.')]\n"
         "print([x for x in ours if x.rpartition('.')[2] in serving or x[8:] == 'service'])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=True
-    )
-    assert done.stdout.strip() == "[]"
+    assert printed_by(program).strip() == "[]"
 
 
 def test_a_program_that_only_serves_imports_little():
@@ -175,10 +174,7 @@ def test_a_program_that_only_serves_imports_little():
         "        print(*set(sys.modules) - before)\n"
         "asyncio.run(main())"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=True
-    )
-    modules = done.stdout.split()
+    modules = printed_by(program).split()
     calling = (
         "taskrpc.client taskrpc.retry taskrpc.core.attempts taskrpc.core.transport.channel"
         " taskrpc.core.transport.connection.dialling"
@@ -207,10 +203,7 @@ def test_garbage_collection_of_a_long_run_is_short_and_skips_imported_objects():
         "    return 0\n"
         "command.run_main(action, None)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
-    )
-    few, frozen = map(int, done.stdout.split())
+    few, frozen = map(int, printed_by(program).split())
     assert few <= 10_000
     assert frozen > 1000
 
