@@ -92,6 +92,18 @@ def in_module_places(module_places, monkeypatch):
         monkeypatch.setenv(name, folder)
 
 
+@pytest.fixture(scope="module")
+def busy_server(request, start_for_module):
+    """A server with a slow robot, and with the tasks that the test module's `submit` queues."""
+    return start_for_module("--speed", "0.01", submit=request.module.submit)
+
+
+@pytest.fixture
+def busy(busy_server, in_module_places):
+    """The busy server, for a test that changes nothing."""
+    return busy_server
+
+
 @pytest.fixture
 def services():
     """Calls the services of the task server, as the node `ada`."""

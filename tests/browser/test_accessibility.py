@@ -30,18 +30,6 @@ def submit(services):
         time.sleep(0.05)
 
 
-@pytest.fixture(scope="module")
-def busy_server(start_for_module):
-    """A server whose robot is so slow that task 2 runs until the end of the tests."""
-    return start_for_module("--speed", "0.01", submit=submit)
-
-
-@pytest.fixture
-def busy(busy_server, in_module_places):
-    """The server with tasks of every kind, for a test that changes nothing."""
-    return busy_server
-
-
 @pytest.mark.parametrize("look", LOOKS)
 def test_axe_finds_no_violation(busy, services, open_page, look):
     page = open_page(busy, **LOOKS[look])

@@ -22,18 +22,6 @@ def submit(services):
     services.call("/cancel", task_id=4)
 
 
-@pytest.fixture(scope="module")
-def busy_server(start_for_module):
-    """A server with a task that runs until the end of the tests, an ended one, and waiting ones."""
-    return start_for_module("--speed", "0.01", submit=submit)
-
-
-@pytest.fixture
-def busy(busy_server, in_module_places):
-    """The server with many tasks, for a test that changes nothing."""
-    return busy_server
-
-
 def test_page_without_tasks_can_be_read(start_server, open_page):
     server = start_server()
     for look, settings in LOOKS.items():
