@@ -57,7 +57,7 @@ for each in (node, Asks("a", "b"), Asks("b", "a")):
     executor.add_node(each)
 future = node.create_client(AddTwoInts, "a").call_async(REQUEST)
 try:
-    executor.spin_until_future_complete(future, 5)
+    executor.spin_until_future_complete(future, 60)
 except RuntimeError as error:
     print(type(error).__name__)
 executor.shutdown()

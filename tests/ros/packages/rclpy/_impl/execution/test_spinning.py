@@ -238,7 +238,7 @@ def test_a_rate_in_a_callback_of_a_pool_sleeps(node):
     timer = node.create_timer(0.001, lambda: (timer.cancel(), callback()))
     with MultiThreadedExecutor(2) as executor:
         executor.add_node(node)
-        executor.spin_until_future_complete(slept, 5)
+        executor.spin_until_future_complete(slept, 60)
     assert slept.done()
 
 
@@ -283,7 +283,7 @@ def test_a_callback_in_a_pool_may_block_for_a_call_in_another_group(node):
         executor.add_node(node)
         client = node.create_client(AddTwoInts, "outer", callback_group=ReentrantCallbackGroup())
         future = client.call_async(AddTwoInts.Request())
-        executor.spin_until_future_complete(future, 5)
+        executor.spin_until_future_complete(future, 60)
         assert future.done()
 
 

@@ -105,7 +105,7 @@ def test_levels_are_shown_and_set_by_services(start):
         client = node.create_client(kind, f"/node/{name}")
         assert client.wait_for_service(60)
         future = client.call_async(kind.Request(**fields))
-        executor.spin_until_future_complete(future, 5)
+        executor.spin_until_future_complete(future, 60)
         return future.result()
 
     levels = [Level(name="a", level=10), Level(name="a", level=22), Level(name="node", level=40)]
