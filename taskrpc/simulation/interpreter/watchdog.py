@@ -9,10 +9,11 @@ from collections.abc import Callable
 from typing import Final
 
 LIMIT: Final = 5.0
-"""Real seconds that a program may run without waiting for anything."""
+"""CPU seconds that a program may run without waiting for anything."""
 
 # The real functions: `prepare` replaces them for the programs.
 _start, _sleep, _ident = _thread.start_new_thread, time.sleep, _thread.get_ident
+_cpu_seconds = time.process_time
 
 
 class NeverWaits(BaseException):
@@ -30,10 +31,10 @@ def watch(steps: Callable[[], int | None]) -> None:
         last, since = None, 0.0
         while True:
             _sleep(1.0)
-            present = steps()
-            since = since + 1.0 if present is not None and present == last else 0.0
-            last = present
-            if since >= LIMIT:
+            present, now = steps(), _cpu_seconds()
+            if present is None or present != last:
+                last, since = present, now
+            elif now - since >= LIMIT:
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(
                     ctypes.c_ulong(main), ctypes.py_object(NeverWaits)
                 )
