@@ -25,7 +25,7 @@ from taskrpc.simulation.interpreter.loop import Policy, SimulatedLoop
 from taskrpc.simulation.interpreter.programs import Output, OwnModules, Process
 from taskrpc.simulation.interpreter.refusals import CannotSimulate, cannot_simulate, refuse
 from taskrpc.simulation.interpreter.stacks import Stack, Stacks
-from taskrpc.simulation.interpreter.state import ModuleState
+from taskrpc.simulation.interpreter.state import ModuleState, Values
 from taskrpc.simulation.interpreter.threads import replace_threads
 
 
@@ -57,7 +57,7 @@ class Interpreter:
         self.state: ModuleState
         """Set once all modules are imported."""
         self._entered: Process | None = None
-        self._outside: list[list[object]] = []
+        self._outside: list[Values] = []
 
     def process(self) -> Process | None:
         """Return the process whose stack runs now; None outside of the stacks."""

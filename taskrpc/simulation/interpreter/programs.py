@@ -16,6 +16,7 @@ from types import CodeType, ModuleType
 from typing import Any, Final, Protocol
 
 from taskrpc.simulation.interpreter.stacks import Killed, Stack, Stacks
+from taskrpc.simulation.interpreter.state import Values
 from taskrpc.simulation.interpreter.threads import Handle
 from taskrpc.simulation.interpreter.tracebacks import explained
 from taskrpc.spi import current_program
@@ -112,7 +113,7 @@ class Process:
         self.clock: WrongClock | None = None
         """None: its time of day is right."""
         self.pid = 0
-        self.state: list[list[object]] = []
+        self.state: list[Values] = []
         """Its values of `ModuleState`; [] before it first runs."""
         self.folder = source.file.parent
         self.is_gone = False

@@ -102,6 +102,10 @@ Choose = Callable[[list[Stack]], int]
 """Returns which of two or more ready stacks runs next; the list is in order of becoming ready."""
 
 
+def _never() -> bool:
+    return False
+
+
 class Stacks:
     """All stacks of a simulation, and their clock; the `Scheduler` of their threads."""
 
@@ -124,6 +128,10 @@ class Stacks:
         self._last_ident = _FIRST_IDENT
         self._last: Stack | None = None
         """The stack that ran last; Python has its hooks."""
+        self._restless = 0
+        """The number of the step from which on a step takes `_POLL`."""
+        self._until = 0.0
+        self._is_quiet: Callable[[], bool] = _never
 
     def reset(self) -> None:
         """Begin a new run: end all stacks, and set the clock to zero.
@@ -188,6 +196,8 @@ class Stacks:
             me.polls_since = None
         elif me.polls_since is None:
             me.polls_since = self.now
+        if timeout == 0 and self._goes_on(me):
+            return False
         waiter = StackWaiter(self, me)
         begin(waiter)
         if timeout == 0:
@@ -202,6 +212,25 @@ class Stacks:
         if me.is_dead:
             raise GreenletExit
         return waiter.is_granted
+
+    def _goes_on(self, me: Stack) -> bool:
+        """Take a step at once if `run` would choose the running stack, since no other is ready."""
+        if self._ready or not self._is_quiet():
+            return False
+        after = self._after_step(me)
+        if after > self._until or (self._timers and self._timers[0][0] <= after):
+            return False
+        self.steps += 1
+        self.now = after
+        return True
+
+    def _after_step(self, stack: Stack) -> float:
+        """Return the time after the present step of a stack."""
+        is_restless = self.steps + 1 >= self._restless
+        step = _POLL if is_restless else self.slowness.get(stack.program, STEP)
+        after = self.now + step
+        # The clock must move even where adding a step does not change it.
+        return after if after > self.now else math.nextafter(self.now, math.inf)
 
     def sleep(self, seconds: float) -> None:
         """Let others run for some time; takes the place of `time.sleep`."""
@@ -230,12 +259,20 @@ class Stacks:
         """Return the living stacks of a program, the oldest first."""
         return [each for each in self.all.values() if each.program == program and not each.is_dead]
 
-    def run(self, until: float, choose: Choose, watch: Callable[[], bool]) -> Stop:
+    def run(
+        self,
+        until: float,
+        choose: Choose,
+        watch: Callable[[], bool],
+        is_quiet: Callable[[], bool] = _never,
+    ) -> Stop:
         """Run the stacks until a time, or until nothing can happen any more.
 
-        `watch` is called after each step; it returns True to stop.
+        `watch` is called after each step; it returns True to stop. Where `is_quiet` returns True,
+        `watch` would do nothing, and a step may be taken without it.
         """
-        ready, timers, restless = self._ready, self._timers, self.steps + _RESTLESS
+        ready, timers = self._ready, self._timers
+        self._until, self._is_quiet, self._restless = until, is_quiet, self.steps + _RESTLESS
         while True:
             while timers and (timers[0][0] <= self.now or timers[0][2].is_over):
                 heapq.heappop(timers)[2].wake(granted=False)
@@ -246,14 +283,12 @@ class Stacks:
                     self.now = until
                     return Stop.TIME
                 self.now = timers[0][0]
-                restless = self.steps + _RESTLESS
+                self._restless = self.steps + _RESTLESS
                 continue
             stack = ready.pop(choose(ready) if len(ready) > 1 else 0)
             self._switch(stack)
+            self.now = self._after_step(stack)
             self.steps += 1
-            # The clock must move even where adding a step would not change it.
-            step = self.slowness.get(stack.program, STEP) if self.steps < restless else _POLL
-            self.now = max(self.now + step, math.nextafter(self.now, math.inf))
             if watch():
                 return Stop.ASKED
             if self.now > until:

@@ -11,10 +11,11 @@ import collections
 import functools
 import itertools
 import logging
+import operator
 import os
 import sys
 import weakref
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -39,6 +40,9 @@ _OF_CLASSES = {
 }
 """Class variables that programs change, by module."""
 
+Values = tuple[object, ...]
+"""The values of the variables of one owner."""
+
 
 class ModuleState:
     """The variables that each program has for itself; made when all modules are imported."""
@@ -48,8 +52,11 @@ class ModuleState:
         """Modules' dictionaries, and classes; the variables of one stand together."""
         self._names: list[tuple[str, ...]] = []
         """The names of the variables of each owner."""
+        self._getters: list[tuple[Callable[[Mapping[str, object]], Values], Mapping[str, object]]]
+        """For each owner, the function that returns the values, and its argument."""
+        self._getters = []
         self._first: list[list[Any]] = []
-        """The values of a new program, as `take` returns them."""
+        """The values of a new program."""
         self._copy_of: dict[tuple[int, int], tuple[int, int]] = {}
         """For variables with the same object as another one, the place of the first one."""
         known: dict[int, tuple[int, int]] = {}
@@ -60,6 +67,8 @@ class ModuleState:
                     self._copy_of[place] = known[id(value)]
             self._owners.append(owner)
             self._names.append(names)
+            variables = owner if type(owner) is dict else vars(owner)
+            self._getters.append((_getter(names), variables))
             self._first.append([_copy(value) for value in values])
 
     @property
@@ -73,23 +82,18 @@ class ModuleState:
             for name in names
         ]
 
-    def new(self) -> list[list[object]]:
+    def new(self) -> list[Values]:
         """Return the values for a new program."""
         found = [[_copy(value) for value in values] for values in self._first]
         for (owner, index), (first, at) in self._copy_of.items():
             found[owner][index] = found[first][at]
-        return found
+        return list(map(tuple, found))
 
-    def take(self) -> list[list[object]]:
+    def take(self) -> list[Values]:
         """Return the present values."""
-        return [
-            [owner[name] for name in names]
-            if type(owner) is dict
-            else [owner.__dict__[name] for name in names]
-            for owner, names in zip(self._owners, self._names, strict=True)
-        ]
+        return [get(variables) for get, variables in self._getters]
 
-    def put(self, values: list[list[object]]) -> None:
+    def put(self, values: list[Values]) -> None:
         """Let these be the present values."""
         for owner, names, own in zip(self._owners, self._names, values, strict=True):
             if type(owner) is dict:
@@ -98,6 +102,14 @@ class ModuleState:
                 for name, value in zip(names, own, strict=True):
                     if owner.__dict__[name] is not value:
                         setattr(owner, name, value)
+
+
+def _getter(names: tuple[str, ...]) -> Callable[[Mapping[str, object]], Values]:
+    """Return a function that returns the values of these names; it runs often."""
+    if len(names) > 1:
+        return operator.itemgetter(*names)
+    (name,) = names
+    return lambda variables: (variables[name],)
 
 
 def _grouped() -> Iterator[tuple[Any, tuple[str, ...], list[Any]]]:

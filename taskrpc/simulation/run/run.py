@@ -423,7 +423,8 @@ class Run:
             self._start_due()
             self._keep_apart()
             change = self._next_change(until)
-            stop = stacks.run(min(until, change), self._choices.next, self._watch)
+            end = min(until, change)
+            stop = stacks.run(end, self._choices.next, self._watch, self._is_quiet)
             self._end_doomed()
             if stop is Stop.IDLE:
                 if not self._coming and not self._network.silent:
@@ -467,6 +468,11 @@ class Run:
                 self.fail("endless work", f"more than {MAX_EVENTS} events in {self.now:.1f} s")
             self._check(self._scenario.always_checks)
         return bool(self._doomed) or self.failure is not None
+
+    def _is_quiet(self) -> bool:
+        """Whether nothing has happened that `_watch` would look at."""
+        is_seen = len(self.trace.events) == self._visible
+        return is_seen and not self._doomed and self.failure is None
 
     def _end_doomed(self) -> None:
         doomed, self._doomed = self._doomed, []

@@ -78,6 +78,7 @@ class Worker:
             self._sources[entry.name] = source
         files = [each.file for each in self._sources.values()]
         use_product(self._interpreter, folder, files)
+        gc.freeze()  # `gc.collect` need not look at the modules again
         return protocol.Loaded([each.name for each in self._scenario.programs])
 
     def _search(self, seeds: Sequence[int]) -> Searched:
