@@ -1,4 +1,4 @@
-"""Ten scenes for a lecture: small programs with a typical mistake, and the same programs cured.
+"""Eleven scenes for a lecture: small programs with a typical mistake, and the same programs cured.
 
 Start with `catalogue`, which says for each scene what the class sees, why, and the cure. `programs`
 has the programs as a student would write them, for rclpy where that is possible. `stage` offers a

@@ -131,6 +131,19 @@ SCENES: tuple[Scene, ...] = (
         problem=Excerpt("futures = [", '"responses:"', ("futures = [",)),
         cured=Excerpt("for number", '"responses:"', ("spin_until_future_complete",)),
     ),
+    Scene(
+        name="same-box",
+        title="It works, nine times of ten",
+        sees="The run works. The simulator runs it again and again, until it fails.",
+        ros="The run works, and nobody runs the program until it fails.",
+        why="The group lets two callbacks run at once. If both customers come within 0.1 s, both"
+        " callbacks read the same first box.",
+        cure="A MutuallyExclusiveCallbackGroup, the default, runs one callback at a time. Simulate"
+        " again: no run fails.",
+        problem=Excerpt("group = ", "self.boxes = self.boxes", ("group = ", "time.sleep(")),
+        cured=Excerpt("group = ", "self.boxes = self.boxes", ("group = ",)),
+        simulated=True,
+    ),
 )
 
 

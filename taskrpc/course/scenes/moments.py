@@ -5,10 +5,13 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
+import msgspec
+
 PROGRAM = "program"
 NETWORK = "network"
 ROBOT = "robot"
 TASKRPC = "taskrpc"
+SIMULATOR = "simulate"
 
 _EXPLANATION = "[taskrpc] "
 _ENDED_WITH = re.compile(r"\S*\.py:(\d+): (\w+): (.*)")
@@ -23,7 +26,7 @@ class Moment(NamedTuple):
     at: float
     """Seconds since the first one."""
     actor: str
-    """PROGRAM, NETWORK, ROBOT, or TASKRPC for an explanation of taskrpc."""
+    """PROGRAM, NETWORK, ROBOT, SIMULATOR, or TASKRPC for an explanation of taskrpc."""
     text: str
 
 
@@ -59,6 +62,43 @@ def of_response(number: int, *, repeated: bool) -> tuple[str, str]:
     """Return actor and text for a response that is sent."""
     which = "the stored response is sent" if repeated else "the response is sent"
     return NETWORK, f"call {number}: {which}"
+
+
+class _SimulatedEvent(msgspec.Struct):
+    time: float
+    """In virtual seconds."""
+    program: str
+    kind: str
+    text: str
+
+
+class _SimulatedFailure(msgspec.Struct):
+    text: str
+    events: list[_SimulatedEvent]
+
+
+class _Simulated(msgspec.Struct):
+    """What `taskrpc simulate --json` prints."""
+
+    failure: _SimulatedFailure | None = None
+
+
+def of_simulation(output: bytes, runs: int) -> list[tuple[str, str]]:
+    """Return actor and text for each part of what `taskrpc simulate --json` has printed.
+
+    Raises msgspec.MsgspecError if it is no result.
+    """
+    failure = msgspec.json.decode(output, type=_Simulated).failure
+    if failure is None:
+        return [(SIMULATOR, f"{runs} runs in virtual time: none fails")]
+    found = [f"a run fails: {failure.text.splitlines()[0]}"]
+    words = {"begin": "executes", "print": "prints:"}
+    found += [
+        f"{each.time:.2f} s  {words[each.kind]} {each.text}"
+        for each in failure.events
+        if each.kind in words
+    ]
+    return [(SIMULATOR, text) for text in found]
 
 
 def of_hang(seconds: float) -> tuple[str, str]:

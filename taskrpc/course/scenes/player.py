@@ -14,6 +14,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import msgspec
+
 from taskrpc import Observer
 from taskrpc.course.scenes import moments
 from taskrpc.course.scenes.moments import Moment
@@ -33,6 +35,8 @@ _PATIENCE_LIKE_ROS = 3.5
 """Seconds after the first thing until a program that waits for ever is ended."""
 _PATIENCE = 10.0
 """The same without `like_ros`: taskrpc needs some seconds until it explains the wait."""
+_RUNS = 200
+"""Runs of the simulator; the mistake shows within the first twenty."""
 _REST = 3.0
 """Seconds that the robot gets at the end to execute its tasks."""
 
@@ -98,6 +102,34 @@ async def run_on(
         await tree.end_descendants()
     lines.end()
     await stage.rest(_REST)
+    if scene.simulated:
+        shutil.copy(program, stage.folder / "shop.py")
+        for each in await _simulated(PROGRAMS / scene.name, stage.folder, environment):
+            clock.report(*each)
+
+
+async def _simulated(
+    scene: Path, folder: Path, environment: dict[str, str]
+) -> list[tuple[str, str]]:
+    """Run the program again and again in the simulator; returns what that has found.
+
+    Raises TaskRpcError if the simulator cannot run it.
+    """
+    scenario = Path(shutil.copy(scene / "scene.sim.py", folder))
+    command = [sys.executable, "-m", "taskrpc", "simulate", scenario.name]
+    command += ["--runs", str(_RUNS), "--jobs", "1", "--json"]
+    output = {1: b"", 2: b""}
+
+    def add(stream: int, data: bytes) -> None:
+        output[stream] += data
+
+    tree = await ProcessTree.start(command, add, cwd=str(folder), env=environment)
+    await tree.wait()
+    await tree.end_descendants()
+    try:
+        return moments.of_simulation(output[1], _RUNS)
+    except msgspec.MsgspecError:
+        raise TaskRpcError(output[2].decode(errors="replace").strip()) from None
 
 
 async def _until_ended(

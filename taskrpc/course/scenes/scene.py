@@ -74,6 +74,7 @@ class Scene(msgspec.Struct, frozen=True):
         robot: whether the programs call a robot.
         faults: the faults of the robot's services, as `taskrpc-server --fault` takes them.
         hangs: whether the program with the mistake waits for ever.
+        simulated: whether `taskrpc simulate` runs the program many times afterwards.
     """
 
     name: str
@@ -87,6 +88,7 @@ class Scene(msgspec.Struct, frozen=True):
     robot: bool = False
     faults: tuple[str, ...] = ()
     hangs: Hang = Hang.NEVER
+    simulated: bool = False
 
     def will_hang(self, *, like_ros: bool) -> bool:
         """Return whether the program with the mistake waits for ever."""

@@ -10,10 +10,10 @@ from taskrpc.course.scenes.player import PROGRAMS, excerpt, program_path
 
 EACH = pytest.mark.parametrize("each", SCENES, ids=lambda each: each.name)
 NAMES = """lost-reply late-answer retry-without-id timeout-too-short deadlock nobody-spins
-forgot-return wrong-type two-servers eleven-calls"""
+forgot-return wrong-type two-servers eleven-calls same-box"""
 
 
-def test_there_are_ten_scenes():
+def test_the_scenes_have_the_order_of_the_lecture():
     assert [each.name for each in SCENES] == NAMES.split()
 
 

@@ -1,9 +1,10 @@
 """The words for what happens in a scene."""
 
+import msgspec
 import pytest
 
 from taskrpc.course.scenes import moments
-from taskrpc.course.scenes.moments import NETWORK, PROGRAM, ROBOT, TASKRPC
+from taskrpc.course.scenes.moments import NETWORK, PROGRAM, ROBOT, SIMULATOR, TASKRPC
 
 
 @pytest.mark.parametrize(
@@ -48,3 +49,28 @@ def test_calls():
 
 def test_hang_says_how_long_it_lasted():
     assert moments.of_hang(3.5)[1].startswith("still waits after 3.5 s")
+
+
+def test_simulated_run_that_fails_is_told_by_its_callbacks_and_its_output():
+    events = [
+        {"time": 0.8, "program": "shop", "kind": "call", "text": "/pick"},
+        {"time": 0.84, "program": "shop", "kind": "begin", "text": "/pick"},
+        {"time": 1.0, "program": "shop", "kind": "print", "text": "ada gets box A"},
+    ]
+    result = {"failure": {"text": "box A was given away twice\nits line", "events": events}}
+    assert moments.of_simulation(msgspec.json.encode(result), 200) == [
+        (SIMULATOR, "a run fails: box A was given away twice"),
+        (SIMULATOR, "0.84 s  executes /pick"),
+        (SIMULATOR, "1.00 s  prints: ada gets box A"),
+    ]
+
+
+def test_simulation_without_a_failure_says_how_many_runs_there_were():
+    assert moments.of_simulation(b'{"failure": null}', 200) == [
+        (SIMULATOR, "200 runs in virtual time: none fails")
+    ]
+
+
+def test_output_that_is_no_result_is_refused():
+    with pytest.raises(msgspec.MsgspecError):
+        moments.of_simulation(b"", 200)

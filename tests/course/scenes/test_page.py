@@ -71,7 +71,7 @@ def test_file_has_all_scenes_with_their_code():
     ]
     assert [each["name"] for each in found if not each["robot"]] == [
         "deadlock",
-        *("forgot-return", "two-servers", "eleven-calls"),
+        *("forgot-return", "two-servers", "eleven-calls", "same-box"),
     ]
 
 

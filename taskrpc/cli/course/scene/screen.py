@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import msgspec
 
-from taskrpc.course.scenes.moments import NETWORK, PROGRAM, ROBOT, TASKRPC, Moment
+from taskrpc.course.scenes.moments import NETWORK, PROGRAM, ROBOT, SIMULATOR, TASKRPC, Moment
 from taskrpc.course.scenes.scene import Line, Scene
 
 MOST_COLUMNS = 88
@@ -22,7 +22,7 @@ _LABEL = 10
 """Columns of the labels at the left."""
 
 _BOLD, _DIM, _MARKED = "1", "2", "1;33"
-_COLOURS = {PROGRAM: "36", NETWORK: "35", ROBOT: "32", TASKRPC: "33"}
+_COLOURS = {PROGRAM: "36", NETWORK: "35", ROBOT: "32", TASKRPC: "33", SIMULATOR: "35"}
 
 
 class Screen(msgspec.Struct, frozen=True):

@@ -2,7 +2,7 @@
 
 import { byId, element, isProjector, query, root, setAttribute, setText, showEach } from "./dom.js";
 
-const TONES = { program: "accent", network: "violet", robot: "good", taskrpc: "warn" };
+const TONES = { program: "accent", network: "violet", robot: "good", taskrpc: "warn", simulate: "violet" };
 const LEAST = 0.6; // of the usual size of the text: smaller letters cannot be read
 const SHRINK = 0.95;
 const link = (name) => `?scene=${name}${isProjector ? "&projector" : ""}`;
