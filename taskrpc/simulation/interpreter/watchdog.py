@@ -9,10 +9,11 @@ from collections.abc import Callable
 from typing import Final
 
 LIMIT: Final = 5.0
-"""Real seconds that a program may run without waiting for anything."""
+"""Seconds of processor time that a program may run without waiting for anything."""
 
 # The real functions: `prepare` replaces them for the programs.
 _start, _sleep, _ident = _thread.start_new_thread, time.sleep, _thread.get_ident
+_worked = time.process_time
 
 
 class NeverWaits(BaseException):
@@ -27,13 +28,12 @@ def watch(steps: Callable[[], int | None]) -> None:
     main = _ident()
 
     def run() -> None:
-        last, since = None, 0.0
+        last, since = None, _worked()
         while True:
             _sleep(1.0)
-            present = steps()
-            since = since + 1.0 if present is not None and present == last else 0.0
-            last = present
-            if since >= LIMIT:
+            if (present := steps()) is None or present != last:
+                last, since = present, _worked()
+            elif _worked() - since >= LIMIT:
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(
                     ctypes.c_ulong(main), ctypes.py_object(NeverWaits)
                 )
