@@ -175,7 +175,7 @@ def error(program: Ran) -> str:
     return f"; it printed {errors[-1]}" if errors else ""
 
 
-async def _simulated(
+async def simulated(
     trial: Trial, tasks: Sequence[tuple[str, int, float]]
 ) -> tuple[Simulated, list[Accepted], float]:
     """Simulate the server with tasks: the type, the priority, and when each is sent.
@@ -301,7 +301,7 @@ async def _orders(trial: Trial) -> None:
     # The worker is busy with a first task while the others arrive, so it can choose.
     middle = work.seconds[longest] / 2
     waiting = [(shortest, priority, middle) for priority in priorities]
-    server, tasks, _ = await _simulated(trial, [(longest, 10, 0.0), *waiting])
+    server, tasks, _ = await simulated(trial, [(longest, 10, 0.0), *waiting])
     if len(done := executed(server)) < len(tasks):
         raise NotMet(
             f"the worker to execute {len(tasks)} tasks",
@@ -335,7 +335,7 @@ async def _estimates(trial: Trial) -> None:
     longest, middle, shortest = work.types
     early = work.seconds[longest] / 4
     sent = [(middle, 4, early), (shortest, 4, early + 0.1), (middle, 9, early + 0.2)]
-    _, tasks, began = await _simulated(trial, [(longest, 10, 0.0), *sent])
+    _, tasks, began = await simulated(trial, [(longest, 10, 0.0), *sent])
     expect_estimates(work.seconds, began, tasks[0], tasks[1:])
 
 
