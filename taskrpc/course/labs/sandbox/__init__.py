@@ -10,5 +10,6 @@ programs. Checks of waits and orders run a program in simulated time instead: se
 The checks run outside, where a submission cannot reach them except through its services and its
 output. They open no file that a program can change: registry and sockets of the sandbox come
 through the supervisor, over a `network` of their own. So a submission can pass only by behaving as
-the checks expect. Without bubblewrap, the same processes run without a sandbox.
+the checks expect; `simulated` says what it can make up. Without bubblewrap, the same processes run
+without a sandbox.
 """

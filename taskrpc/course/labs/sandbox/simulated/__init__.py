@@ -5,6 +5,6 @@ and `companion`, which has the service and the calls of the checks. The checks s
 answer each request, and judge what the process reports; `messages` lists what both sides send.
 The clock jumps from event to event, so a busy machine changes no time that a check sees.
 
-The process itself says what time it is. A submission that changes the simulation could therefore
-wait without waiting, but it still has to send the requests and print the responses.
+The process itself says what time it is, and what came of the calls of the checks. A submission
+that attacks the simulation can make these up; other checks of each lab run it in real time.
 """
