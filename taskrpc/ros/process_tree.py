@@ -114,7 +114,7 @@ class ProcessTree:
         return program.returncode
 
     def write(self, data: bytes) -> None:
-        """Write to the program's standard input, if it has one of its own and still runs."""
+        """Write to the program's standard input; nothing happens once it has ended."""
         self._program.write(data)
 
     def send_signal(self, number: int) -> None:
@@ -219,8 +219,8 @@ class _Program(asyncio.SubprocessProtocol):
 
     def write(self, data: bytes) -> None:
         assert self._transport is not None
-        pipe = self._transport.get_pipe_transport(0)
-        if isinstance(pipe, asyncio.WriteTransport):
+        pipe = cast("asyncio.WriteTransport | None", self._transport.get_pipe_transport(0))
+        if pipe is not None:
             pipe.write(data)
 
 
