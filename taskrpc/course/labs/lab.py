@@ -71,7 +71,7 @@ class Lab:
         checks: in the order in which they run.
         speed: how many times faster time passes while the lab is checked: programs, checks and
             their timeouts. Below 10, so that a busy machine causes no failures.
-        is_simulated: whether some checks run programs in simulated time.
+        is_simulated: whether some checks run programs in virtual time.
     """
 
     number: int
@@ -88,6 +88,6 @@ class Lab:
         """Raise TaskRpcError if a package is missing that the checks need."""
         if self.is_simulated and find_spec("greenlet") is None:
             raise TaskRpcError(
-                f"lab {self.number} is checked in simulated time, which needs greenlet, and that is"
+                f"lab {self.number} is checked in virtual time, which needs greenlet, and that is"
                 f" not installed; {install_command('simulate', 'greenlet')}"
             )

@@ -13,7 +13,7 @@ from taskrpc.node import Node
 
 
 class Ran(Protocol):
-    """A program that runs, or has run, in real or in simulated time."""
+    """A program that runs, or has run, in real or in virtual time."""
 
     @property
     def output(self) -> Sequence[str]:
@@ -123,7 +123,7 @@ class Trial(Protocol):
         service: Service | None = None,
         calls: Sequence[Call] = (),
     ) -> Simulated:
-        """Run a program of the submission in simulated time; raises NotMet if that is impossible.
+        """Run a program of the submission in virtual time; raises NotMet if that is impossible.
 
         The result does not depend on how fast the machine is.
 

@@ -55,7 +55,7 @@ class TabTrial:
         service: Service | None = None,
         calls: Sequence[Call] = (),
     ) -> Simulated:
-        """Raise TaskRpcError: no lab of the tab is checked in simulated time."""
+        """Raise TaskRpcError: no lab of the tab is checked in virtual time."""
         raise TaskRpcError(f"{file} cannot be simulated in a browser")
 
     def time(self) -> float:

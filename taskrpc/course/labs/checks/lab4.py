@@ -26,7 +26,7 @@ _TIMES = ((4, 1.0, 1.0), (3, 0.9, 1.5), (4, 1.2, 0.9), (3, 1.0, 2.0))
 STARTED = 30.0
 """Seconds that a program has to send its first request, or to end after its last one."""
 _SPARE = 60.0
-"""Simulated seconds after those that a right program needs."""
+"""Virtual seconds after those that a right program needs."""
 _TOLERANCE = 0.2
 """How wrong a wait may be, as a share of the first wait: a client may look for responses in a loop
 of its own."""
@@ -115,7 +115,7 @@ class Robot:
             service.destroy()
 
     async def simulated(self, seconds: float, *targets: str) -> Simulated:
-        """Run the client in simulated time; it should take so many seconds."""
+        """Run the client in virtual time; it should take so many seconds."""
         name = _values(self._trial.variant)["SERVICE"]
         service = Service(_TYPE, _definition(), f"/{name}", self._respond)
         duration = seconds + _SPARE

@@ -29,7 +29,7 @@ _SET_BOOL: Final = "std_srvs/srv/SetBool"
 _SCAN = 2.0
 """Seconds that a scan takes."""
 _RESPONDED = 60.0
-"""Simulated seconds that the robot has for a scan and its battery."""
+"""Virtual seconds that the robot has for a scan and its battery."""
 _ENDED = 40.0
 """Seconds that the console has for both calls, each with a wait for its server."""
 

@@ -83,7 +83,7 @@ class ChildTrial:
         service: Service | None = None,
         calls: Sequence[Call] = (),
     ) -> Simulated:
-        """Run a program in simulated time; raises NotMet if that is impossible."""
+        """Run a program in virtual time; raises NotMet if that is impossible."""
         self._check_file(file)
         conversation = Conversation(duration, service, calls)
         program = ChildProgram(conversation.received)
@@ -102,7 +102,7 @@ class ChildTrial:
             )
         if refused := conversation.ended.refused:
             raise NotMet(
-                f"{file} to use only what its comments name, because its time is simulated",
+                f"{file} to use only what its comments name, because the check simulates it",
                 refused.partition(";")[0],
                 "leave it out: rclpy, time and threads are enough",
             )

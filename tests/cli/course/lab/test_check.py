@@ -239,6 +239,6 @@ def test_a_missing_package_is_one_line_with_the_command_that_installs_it(
     monkeypatch.setattr("taskrpc.course.labs.lab.find_spec", lambda name: None)
     assert main(["lab", "check", number]) == 1
     err = capsys.readouterr().err
-    assert f"lab {number} is checked in simulated time, which needs greenlet, and that is" in err
+    assert f"lab {number} is checked in virtual time, which needs greenlet, and that is" in err
     assert "pip install" in err
     assert err.count("\n") == 1

@@ -1,4 +1,4 @@
-"""A program of a submission in simulated time, inside the sandbox.
+"""A program of a submission in virtual time, inside the sandbox.
 
 `process` plays one run of `taskrpc.simulation` in a process of its own: the submission's program,
 and `companion`, which has the service and the calls of the checks. The checks stay outside. They

@@ -1,4 +1,4 @@
-"""Programs of a submission in simulated time: what the checks see, and what they refuse."""
+"""Programs of a submission in virtual time: what the checks see, and what they refuse."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ node = Node("server")
 node.create_service(Trigger, "scan", respond)
 rclpy.spin(node)
 """
-# Each check that runs in simulated time, with submissions that fail it.
+# Each check that runs in virtual time, with submissions that fail it.
 SIMULATED = {
     4: {
         "the waits double, and the client ends its attempts": [
