@@ -113,6 +113,10 @@ class ProcessTree:
         assert program.returncode is not None
         return program.returncode
 
+    def write(self, data: bytes) -> None:
+        """Write to the program's standard input; nothing happens once it has ended."""
+        self._program.write(data)
+
     def send_signal(self, number: int) -> None:
         """Send a signal to the program and its descendants, if there are any left."""
         if sys.platform == "win32":
@@ -212,6 +216,12 @@ class _Program(asyncio.SubprocessProtocol):
     def terminate(self) -> None:
         assert self._transport is not None
         self._transport.terminate()
+
+    def write(self, data: bytes) -> None:
+        assert self._transport is not None
+        pipe = cast("asyncio.WriteTransport | None", self._transport.get_pipe_transport(0))
+        if pipe is not None:
+            pipe.write(data)
 
 
 class _Terminal(asyncio.Protocol):

@@ -68,7 +68,8 @@ def run(*command: object, cwd: Path, home: Path) -> str:
     return done.stdout
 
 
-INSTALL = ["install", "--no-index", "--find-links", "wheels", "taskrpc[completion,tls,web]"]
+PACKAGE = "taskrpc[completion,simulate,tls,web]"
+INSTALL = ["install", "--no-index", "--find-links", "wheels", PACKAGE]
 
 
 OWN, OF_THE_STICK = "the pip of this Python", "the pip of the stick"

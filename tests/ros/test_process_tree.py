@@ -67,6 +67,16 @@ async def test_end_is_seen_while_a_descendant_keeps_the_output_open():
     os.kill(int(said[0]), signal.SIGTERM)
 
 
+async def test_program_reads_what_is_written_to_it():
+    output = []
+    command = [sys.executable, "-c", "print(input()[::-1])"]
+    tree = await ProcessTree.start(command, lambda _, data: output.append(data))
+    tree.write(b"abc\n")
+    assert await tree.wait() == 0
+    tree.write(b"late\n")
+    assert b"".join(output).split() == [b"cba"]
+
+
 async def test_output_has_its_stream_and_files_are_closed():
     before = len(os.listdir("/proc/self/fd")) if os.path.isdir("/proc/self/fd") else 0
     for has_terminal in (False, True):

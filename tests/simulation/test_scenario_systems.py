@@ -8,6 +8,7 @@ import pytest
 
 from taskrpc.simulation.search.protocol import Explain, Explained, Search
 from taskrpc.simulation.search.search import WorkerProcess, search
+from tests.simulation import mistakes_page
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 
@@ -51,6 +52,13 @@ def names(kind: str) -> list[str]:
 
 def test_each_mistake_is_listed() -> None:
     assert sorted(MISTAKES) == names("mistakes")
+    on_page = [each.name for section in mistakes_page.SECTIONS.values() for each in section]
+    assert sorted(on_page) == names("mistakes")
+
+
+def test_page_of_mistakes_is_as_the_command_writes_it() -> None:
+    text = mistakes_page.PAGE.read_text(encoding="utf-8")
+    assert text == mistakes_page.page(), "run `python -m tests.simulation.mistakes_page`"
 
 
 @pytest.mark.parametrize("name", sorted(MISTAKES))

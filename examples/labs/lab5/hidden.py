@@ -1,18 +1,19 @@
 """Hidden checks of lab 5: an urgent task, a second busy phase, and two tasks of one kind."""
 
-from taskrpc.course.labs.checks.lab5 import Desk, expect_order
+from taskrpc.course.labs.checks.lab5 import Desk, executed, expect_order, simulated, work_of
 from taskrpc.course.labs.lab import Check, NotMet
 
 
 async def _urgent(trial):
-    desk = await Desk.started(trial)
-    seconds = desk.work.seconds
-    await desk.accept(desk.longest, 1)
-    await desk.executing(1)
-    for _ in range(3):
-        await desk.accept(desk.longest, 1)
-    urgent = await desk.accept(desk.shortest, 10)
-    most = seconds[desk.longest] + seconds[desk.shortest]
+    work = work_of(trial.variant)
+    longest, _, shortest = work.types
+    early = work.seconds[longest] / 4
+    waiting = [(longest, 1, early)] * 3
+    _, tasks, _ = await simulated(
+        trial, [(longest, 1, 0.0), *waiting, (shortest, 10, early + 0.1)]
+    )
+    urgent = tasks[-1]
+    most = work.seconds[longest] + work.seconds[shortest]
     if urgent.estimate > most + 0.5:
         raise NotMet(
             f"an estimate of at most {most:g} s for a task of priority 10: less important tasks"
@@ -23,20 +24,20 @@ async def _urgent(trial):
 
 
 async def _overtakes(trial):
-    desk = await Desk.started(trial)
-    first = await desk.accept(desk.middle, 1)
-    await desk.executing(first.id)
-    tasks = [await desk.accept(desk.middle, priority) for priority in (2, 2, 1)]
-    await desk.executing(tasks[0].id)
-    tasks.append(await desk.accept(desk.shortest, 9))
-    executed = await desk.all_executed(5, 5 * desk.work.seconds[desk.middle])
-    if executed[1] != tasks[0].id:
+    work = work_of(trial.variant)
+    _, middle, shortest = work.types
+    seconds = work.seconds[middle]
+    early = [(middle, priority, seconds / 2) for priority in (2, 2, 1)]
+    sent = [(middle, 1, 0.0), *early, (shortest, 9, 1.5 * seconds)]
+    server, (_, *tasks), _ = await simulated(trial, sent)
+    done = executed(server)
+    if done[1:2] != [min(each.id for each in tasks if each.priority == 2)]:
         raise NotMet(
-            f"task {tasks[0].id} after task 1",
-            f"the order was {executed}",
+            "the first task of priority 2 after task 1",
+            f"the order was {done}",
             "a task that runs is not interrupted",
         )
-    expect_order(tasks[1:], executed[1:])
+    expect_order([each for each in tasks if each.id != done[1]], done[1:])
 
 
 async def _rests(trial):

@@ -22,7 +22,7 @@ _DOCS, _LABS, _NOTEBOOKS = "docs", "labs", "notebooks"
 _ABOUT = "bundle.json"
 
 _MB = 1_000_000
-_SET_MB, _SET_WITH_JUPYTER_MB = 6, 16
+_SET_MB, _SET_WITH_JUPYTER_MB = 8, 18
 """Megabytes for each set of wheels, rounded up: one system with one version of Python."""
 _REST_MB = 40
 """Megabytes for documentation, labs and the browser lab."""

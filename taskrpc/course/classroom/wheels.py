@@ -36,7 +36,7 @@ SYSTEMS: Mapping[str, Mapping[str, Sequence[str]]] = {
 }
 """Systems of the laptops, their machines, and the tags that pip knows for the wheels of each."""
 
-EXTRAS = "completion,tls,web"
+EXTRAS = "completion,simulate,tls,web"
 """The extras that students and lecturers need."""
 
 JUPYTER = "notebook"

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 
 from taskrpc.course.labs.trial import Trial
 from taskrpc.course.labs.variants import Variant
+from taskrpc.errors import TaskRpcError
+from taskrpc.spi import install_command
 
 
 class NotMet(Exception):
@@ -68,6 +71,7 @@ class Lab:
         checks: in the order in which they run.
         speed: how many times faster time passes while the lab is checked: programs, checks and
             their timeouts. Below 10, so that a busy machine causes no failures.
+        is_simulated: whether some checks run programs in virtual time.
     """
 
     number: int
@@ -78,3 +82,12 @@ class Lab:
     values: Callable[[Variant], Mapping[str, str]] = field(repr=False)
     checks: tuple[Check, ...] = field(repr=False)
     speed: float = 5.0
+    is_simulated: bool = False
+
+    def check_installed(self) -> None:
+        """Raise TaskRpcError if a package is missing that the checks need."""
+        if self.is_simulated and find_spec("greenlet") is None:
+            raise TaskRpcError(
+                f"lab {self.number} is checked in virtual time, which needs greenlet, and that is"
+                f" not installed; {install_command('simulate', 'greenlet')}"
+            )

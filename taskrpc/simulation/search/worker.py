@@ -18,6 +18,8 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.simulation.interpreter import interpreter as interpreters
 
 if TYPE_CHECKING:  # importing it before `prepare` would be too early
+    from taskrpc.simulation.run.run import Run
+    from taskrpc.simulation.scenario import Scenario
     from taskrpc.simulation.search.protocol import Answer, Explained, Loaded, Order, Searched
 
 _cpu_seconds = time.process_time  # before it is replaced for the programs
@@ -51,8 +53,6 @@ class Worker:
             return protocol.Refused(str(error))
 
     def _load(self, file: Path) -> Loaded:
-        from taskrpc.simulation.interpreter.programs import Source
-        from taskrpc.simulation.run.product import use_product
         from taskrpc.simulation.search import protocol
 
         file = file.resolve()  # before the working folder changes
@@ -61,12 +61,21 @@ class Worker:
         sys.path[0] = str(folder)
         known = set(sys.modules)
         try:
-            self._scenario = _read(file)
+            scenario = _read(file)
         finally:
             _forget_modules(folder, known)
+        self.use(scenario, folder)
+        return protocol.Loaded([each.name for each in scenario.programs])
+
+    def use(self, scenario: Scenario, folder: Path) -> None:
+        """Prepare the programs of a scenario. Raises TaskRpcError."""
+        from taskrpc.simulation.interpreter.programs import Source
+        from taskrpc.simulation.run.product import use_product
+
+        self._scenario = scenario
         self._sources = {}
         self._folder = folder
-        for entry in self._scenario.programs:
+        for entry in scenario.programs:
             source = Source((folder / entry.file).resolve(), entry.arguments)
             try:
                 source.code_of(str(source.file))
@@ -79,7 +88,6 @@ class Worker:
         files = [each.file for each in self._sources.values()]
         use_product(self._interpreter, folder, files)
         gc.freeze()  # `gc.collect` need not look at the modules again
-        return protocol.Loaded([each.name for each in self._scenario.programs])
 
     def _search(self, seeds: Sequence[int]) -> Searched:
         from taskrpc.simulation.interpreter.refusals import CannotSimulate
@@ -89,7 +97,7 @@ class Worker:
         coverage, shapes, last = Coverage(), [], ""
         begin = _cpu_seconds()
         for seed in seeds:
-            run = self._new_run(seed)
+            run = self.new_run(seed)
             result = run.play()
             coverage.add(run.coverage())
             shapes.append((seed, result.shape))
@@ -105,11 +113,11 @@ class Worker:
         from taskrpc.simulation.search.shrink import GROUPS, shrink
         from taskrpc.simulation.search.told_calls import contents_of
 
-        first = self._new_run(seed).play()
+        first = self.new_run(seed).play()
         kept, in_order = shrink(
-            first, lambda names, orderly: self._new_run(seed, names, orderly=orderly).play()
+            first, lambda names, orderly: self.new_run(seed, names, orderly=orderly).play()
         )
-        run = self._new_run(seed, kept, orderly=in_order, tells=True)
+        run = self.new_run(seed, kept, orderly=in_order, tells=True)
         last = run.play()
         assert last.failure is not None
         return protocol.Explained(
@@ -126,14 +134,15 @@ class Worker:
             contents_of(run) if records else None,
         )
 
-    def _new_run(
+    def new_run(
         self,
         seed: int,
         kept: Sequence[str] | None = None,
         *,
         orderly: bool = False,
         tells: bool = False,
-    ) -> Any:
+    ) -> Run:
+        """Return a run of the scenario; its arguments are those of `Choices` and `Run`."""
         from taskrpc.simulation.run.choices import Choices
         from taskrpc.simulation.run.run import Run
 

@@ -98,7 +98,7 @@ def test_place_with_too_little_space_is_one_line(tmp_path, monkeypatch):
     with pytest.raises(TaskRpcError) as raised:
         make(tmp_path / "stick", Wanted())
     assert str(raised.value) == (
-        f"{tmp_path / 'stick'} has 12 MB free, and the bundle needs 160 MB: use a larger stick, or"
+        f"{tmp_path / 'stick'} has 12 MB free, and the bundle needs 200 MB: use a larger stick, or"
         " fewer versions with --python and --system"
     )
 

@@ -64,7 +64,7 @@ def test_page_is_whole_and_loads_nothing(name):
             [
                 'py -3.12 -m venv "%USERPROFILE%\\taskrpc"',
                 "-m pip install --no-index --find-links wheels"
-                ' "taskrpc[completion,tls,web]"</code>',
+                ' "taskrpc[completion,simulate,tls,web]"</code>',
                 "Scripts\\activate",
             ],
         ),
@@ -141,7 +141,7 @@ def test_start_page_links_only_what_is_there():
     full = pages(contents(notebooks="notebooks", browser_lab="browser-lab", jupyter=True))
     assert "jupyter notebook notebooks" in full["START-HERE.html"]
     assert "taskrpc view --lab --pyodide browser-lab" in full["labs.html"]
-    assert '"taskrpc[completion,tls,web]" notebook</code>' in full["install-macos.html"]
+    assert '"taskrpc[completion,simulate,tls,web]" notebook</code>' in full["install-macos.html"]
 
 
 def test_labs_page_links_the_sheets_that_exist():

@@ -50,7 +50,7 @@ def test_wheels_are_downloaded_for_each_system_and_python(tmp_path):
     for _, arguments in downloads:
         assert arguments[0] == "download"
         assert {"--only-binary=:all:", "--platform", "--python-version", "pip"} <= {*arguments}
-        own = f"{tmp_path / WHEEL}[completion,tls,web]"
+        own = f"{tmp_path / WHEEL}[completion,simulate,tls,web]"
         assert own in arguments, "not a name that an index may have too"
 
 
@@ -88,7 +88,7 @@ def test_check_resolves_each_set_without_an_index(tmp_path):
     ]
     for _, arguments in pip.calls:
         assert arguments[:3] == ["install", "--dry-run", "--no-index"]
-        assert arguments[-1] == "taskrpc[completion,tls,web]"
+        assert arguments[-1] == "taskrpc[completion,simulate,tls,web]"
 
 
 @pytest.mark.parametrize("left", [0, 40, -1])

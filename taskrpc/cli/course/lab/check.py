@@ -74,7 +74,7 @@ def _check_options(options: Namespace) -> None:
     from taskrpc.course.labs.hidden import hidden_checks
 
     if options.number is not None:
-        catalogue.lab(options.number)
+        catalogue.lab(options.number).check_installed()
     if options.all is None and (options.csv is not None or options.jobs is not None):
         option = "--csv" if options.csv is not None else "--jobs"
         raise UsageError(f"{option} needs --all FOLDER, the folder with all submissions")

@@ -8,13 +8,15 @@ import itertools
 import os
 import random
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 
 from taskrpc.course.browser_lab.tab.programs import FOLDER, Program, Programs
 from taskrpc.course.labs.grading import NewTrial
 from taskrpc.course.labs.lab import NotMet
+from taskrpc.course.labs.trial import Call, Service, Simulated
 from taskrpc.course.labs.variants import Variant
+from taskrpc.errors import TaskRpcError
 from taskrpc.node import Node
 from taskrpc.spi import current_program
 
@@ -44,6 +46,17 @@ class TabTrial:
         program = self._programs.start(file, *arguments)
         self.programs.append(program)
         return program
+
+    async def simulate(
+        self,
+        file: str,
+        *arguments: str,
+        duration: float,
+        service: Service | None = None,
+        calls: Sequence[Call] = (),
+    ) -> Simulated:
+        """Raise TaskRpcError: no lab of the tab is checked in virtual time."""
+        raise TaskRpcError(f"{file} cannot be simulated in a browser")
 
     def time(self) -> float:
         """Return the seconds since a moment in the past."""

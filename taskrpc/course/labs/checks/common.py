@@ -8,7 +8,7 @@ import re
 import taskrpc
 from taskrpc.client import Client
 from taskrpc.course.labs.lab import NotMet
-from taskrpc.course.labs.trial import Program, Trial
+from taskrpc.course.labs.trial import Program, Ran, Trial
 from taskrpc.message_types import RequestT, ResponseT, Srv
 
 STARTED = 20.0
@@ -132,7 +132,7 @@ async def answer(
         raise NotMet(expected, f"the call failed: {error}", "does the server still run?") from None
 
 
-def ended(program: Program, code: int) -> str:
+def ended(program: Ran, code: int) -> str:
     """Return in words that a program ended, with the last line that it wrote."""
     last = next((line for line in reversed(program.output) if line.strip()), "nothing")
     return f"it ended with exit code {code} and wrote: {last.strip()}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import re
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, cast
 
 import msgspec
 
@@ -13,7 +13,7 @@ import srvgen
 from taskrpc.client import Client
 from taskrpc.course.labs.checks.common import ANSWERED, answer, service_of
 from taskrpc.course.labs.lab import Check, Lab, NotMet
-from taskrpc.course.labs.trial import Program, Trial
+from taskrpc.course.labs.trial import Call, Program, Ran, Simulated, Trial
 from taskrpc.course.labs.variants import Variant
 
 if TYPE_CHECKING:
@@ -30,8 +30,6 @@ _TYPES = (
 _SECONDS = ((5.0, 3.0, 1.0), (4.0, 2.0, 1.0), (6.0, 3.0, 1.0), (5.0, 2.0, 1.0))
 _TARGETS = ("warehouse", "station_1", "area_a", "central", "dock")
 _PRIORITIES = (3, 8, 5, 10, 8, 3)
-_TRIES = 3
-"""How often a check begins anew because the machine was too slow to see what it wants to see."""
 _SLACK = 0.5
 """Seconds by which an estimate may be wrong: the worker may look into its queue now and then."""
 _PATIENCE = 30.0
@@ -120,22 +118,7 @@ class Desk:
         """Send a valid task; NotMet if the server refuses it."""
         target = target or self.work.targets[0]
         response = await self.request(task_type, target, priority)
-        words = f"task_type={task_type} target={target} priority={priority}"
-        if not response.success:
-            raise NotMet(
-                f"success=True for the valid task {words}",
-                f"success=False, message={response.message!r}",
-                "which values are allowed? See the comment at 3",
-            )
-        if not response.message:
-            raise NotMet(
-                f"a message in the response to {words}",
-                "the message is empty",
-                "for example, Task queued: and the type",
-            )
-        return Accepted(
-            task_type, priority, response.task_id, response.estimated_time, self._trial.time()
-        )
+        return accepted(response, task_type, target, priority, self._trial.time())
 
     async def executing(self, id: int) -> None:
         """Wait until the server begins a task; NotMet if it does not."""
@@ -148,8 +131,7 @@ class Desk:
 
     def executed(self) -> list[int]:
         """Return the ids of the tasks that the server has begun, in their order."""
-        found = (re.search(r"Executing task (-?\d+)", line) for line in self.program.output)
-        return [int(one[1]) for one in found if one]
+        return executed(self.program)
 
     def completed(self) -> list[int]:
         """Return the ids of the tasks that the server has completed."""
@@ -158,21 +140,72 @@ class Desk:
 
     def error(self) -> str:
         """Return in words the last exception that the server has printed; "" if there is none."""
-        errors = [line for line in self.program.output if re.match(r"\w+(Error|Exception)\b", line)]
-        return f"; it printed {errors[-1]}" if errors else ""
+        return error(self.program)
 
-    async def all_executed(self, count: int, seconds: float) -> list[int]:
-        """Return the ids in the order in which the server has begun this many tasks."""
-        end = self._trial.time() + seconds + _PATIENCE
-        while len(self.executed()) < count and self._trial.time() < end:
-            await self._trial.sleep(0.1)
-        if len(done := self.executed()) < count:
+
+def accepted(
+    response: RobotTask.Response, task_type: str, target: str, priority: int, time: float
+) -> Accepted:
+    """Return the task of a response that arrived at a time; NotMet if the server refuses it."""
+    words = f"task_type={task_type} target={target} priority={priority}"
+    if not response.success:
+        raise NotMet(
+            f"success=True for the valid task {words}",
+            f"success=False, message={response.message!r}",
+            "which values are allowed? See the comment at 3",
+        )
+    if not response.message:
+        raise NotMet(
+            f"a message in the response to {words}",
+            "the message is empty",
+            "for example, Task queued: and the type",
+        )
+    return Accepted(task_type, priority, response.task_id, response.estimated_time, time)
+
+
+def executed(program: Ran) -> list[int]:
+    """Return the ids of the tasks that a server has begun, in their order."""
+    found = (re.search(r"Executing task (-?\d+)", line) for line in program.output)
+    return [int(one[1]) for one in found if one]
+
+
+def error(program: Ran) -> str:
+    """Return in words the last exception that a server has printed; "" if there is none."""
+    errors = [line for line in program.output if re.match(r"\w+(Error|Exception)\b", line)]
+    return f"; it printed {errors[-1]}" if errors else ""
+
+
+async def simulated(
+    trial: Trial, tasks: Sequence[tuple[str, int, float]]
+) -> tuple[Simulated, list[Accepted], float]:
+    """Simulate the server with tasks: the type, the priority, and when each is sent.
+
+    Returns the run, the accepted tasks, and when the first one was sent.
+    """
+    work = work_of(trial.variant)
+    new, target = srvgen.load(_TYPE).Request, work.targets[0]
+    calls = [
+        Call(
+            _TYPE,
+            f"/{_service(trial.variant)}",
+            new(task_type=task_type, target=target, priority=priority),
+            at,
+        )
+        for task_type, priority, at in tasks
+    ]
+    seconds = sum(work.seconds[task_type] for task_type, _, _ in tasks)
+    server = await trial.simulate("server.py", duration=seconds + _PATIENCE, calls=calls)
+    found = []
+    for (task_type, priority, _), response in zip(tasks, server.responses, strict=True):
+        if response.message is None:
             raise NotMet(
-                f"the worker to execute {count} tasks",
-                f"it executed {len(done)}: {done}{self.error()}",
-                "does the loop of the worker go on after a task?",
+                f"a response to task_type={task_type} target={target} priority={priority}",
+                (response.problem or server.problem or "there was none") + error(server),
+                "what does the callback wait for? Print a line before and after it",
             )
-        return done[:count]
+        message = cast("RobotTask.Response", response.message)
+        found.append(accepted(message, task_type, target, priority, response.time))
+    return server, found, server.responses[0].began
 
 
 async def _accepts(trial: Trial) -> None:
@@ -259,22 +292,23 @@ async def _refuses(trial: Trial) -> None:
 
 
 async def _orders(trial: Trial) -> None:
-    for _ in range(_TRIES):
-        desk = await Desk.started(trial)
-        # The worker is busy with a first task while the others arrive, so it can choose.
-        await desk.accept(desk.longest, 10)
-        await desk.executing(1)
-        priorities = list(_PRIORITIES)
-        for left in range(len(priorities) - 1, 0, -1):
-            other = trial.unpredictable(0, left)
-            priorities[left], priorities[other] = priorities[other], priorities[left]
-        tasks = await asyncio.gather(
-            *(desk.accept(desk.shortest, priority) for priority in priorities)
+    work = work_of(trial.variant)
+    longest, _, shortest = work.types
+    priorities = list(_PRIORITIES)
+    for left in range(len(priorities) - 1, 0, -1):
+        other = trial.unpredictable(0, left)
+        priorities[left], priorities[other] = priorities[other], priorities[left]
+    # The worker is busy with a first task while the others arrive, so it can choose.
+    middle = work.seconds[longest] / 2
+    waiting = [(shortest, priority, middle) for priority in priorities]
+    server, tasks, _ = await simulated(trial, [(longest, 10, 0.0), *waiting])
+    if len(done := executed(server)) < len(tasks):
+        raise NotMet(
+            f"the worker to execute {len(tasks)} tasks",
+            f"it executed {len(done)}: {done}{error(server)}",
+            "does the loop of the worker go on after a task?",
         )
-        if len(desk.executed()) == 1:
-            break
-        await desk.program.stop()
-    expect_order(tasks, await desk.all_executed(len(tasks) + 1, _seconds(desk)))
+    expect_order(tasks[1:], done[: len(tasks)])
 
 
 def expect_order(tasks: Sequence[Accepted], executed: Sequence[int]) -> None:
@@ -296,25 +330,13 @@ def expect_order(tasks: Sequence[Accepted], executed: Sequence[int]) -> None:
     )
 
 
-def _seconds(desk: Desk) -> float:
-    return desk.work.seconds[desk.longest] + len(_PRIORITIES) * desk.work.seconds[desk.shortest]
-
-
 async def _estimates(trial: Trial) -> None:
-    for _ in range(_TRIES):
-        desk = await Desk.started(trial)
-        sent = desk.time()
-        first = await desk.accept(desk.longest, 10)
-        await desk.executing(1)
-        tasks = [
-            await desk.accept(task_type, priority)
-            for task_type, priority in ((desk.middle, 4), (desk.shortest, 4), (desk.middle, 9))
-        ]
-        expect_estimates(desk.work.seconds, sent, first, tasks)
-        # If the first task has almost ended, an estimate without it looks right: once more.
-        if tasks[0].time - sent < desk.work.seconds[desk.longest] / 2:
-            return
-        await desk.program.stop()
+    work = work_of(trial.variant)
+    longest, middle, shortest = work.types
+    early = work.seconds[longest] / 4
+    sent = [(middle, 4, early), (shortest, 4, early + 0.1), (middle, 9, early + 0.2)]
+    _, tasks, began = await simulated(trial, [(longest, 10, 0.0), *sent])
+    expect_estimates(work.seconds, began, tasks[0], tasks[1:])
 
 
 def expect_estimates(
@@ -392,6 +414,7 @@ LAB = Lab(
     files=("server.py",),
     values=_values,
     speed=8.0,  # its programs wait for seconds
+    is_simulated=True,
     checks=(
         Check(_OFFERS, 2.5, _accepts),
         Check("a wrong task is refused and uses no id", 2, _refuses, needs=(_OFFERS,)),

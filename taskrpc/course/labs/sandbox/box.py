@@ -370,6 +370,16 @@ if sys.platform != "win32":
             """End it at once."""
             self.send_signal(signal.SIGKILL)
 
+        def write(self, data: bytes) -> None:
+            """Write to its standard input; one that does not read is ended."""
+            os.set_blocking(self._keep_open, False)
+            try:
+                sent = os.write(self._keep_open, data)
+            except OSError:
+                sent = 0
+            if sent < len(data):
+                self.kill()
+
         def _read(self, stream: int) -> bool:
             """Read what there is; returns whether there was something."""
             try:

@@ -1,7 +1,7 @@
 """The start of each program under check: clock and limits first, then the student's file.
 
 On POSIX `supervisor` calls `run` in a process that has imported everything; on Windows
-`boot.command` starts this module.
+`boot.command` starts this module. A simulated program gets a new Python instead: see `simulated`.
 """
 
 from __future__ import annotations
@@ -14,8 +14,9 @@ from pathlib import Path
 
 import msgspec
 
-from taskrpc.course.labs.sandbox import interleaving, speed
+from taskrpc.course.labs.sandbox import boot, interleaving, speed
 from taskrpc.course.labs.sandbox.limits import CONFINED, LIMITS, limit_this_process
+from taskrpc.course.labs.sandbox.simulated.messages import Plan
 
 
 class Start(msgspec.Struct, frozen=True):
@@ -31,6 +32,7 @@ class Start(msgspec.Struct, frozen=True):
         wall: the wall clock of the process that checks: see `speed.set_speed`.
         interleaved: whether its callbacks take turns at each step: see `interleaving`.
         ready: a file to make once everything is imported; "" for none.
+        plan: what to simulate it with; None to run it in time that passes.
     """
 
     file: str
@@ -42,6 +44,7 @@ class Start(msgspec.Struct, frozen=True):
     wall: tuple[int, int] | None = None
     interleaved: bool = False
     ready: str = ""
+    plan: Plan | None = None
 
 
 def environment(scratch: Path) -> dict[str, str]:
@@ -60,7 +63,7 @@ def environment(scratch: Path) -> dict[str, str]:
 
 def system_environment() -> dict[str, str]:
     """Return the variables that Python itself needs, and none of the user's."""
-    env = {"PATH": os.defpath, "PYTHONUTF8": "1", "LC_ALL": "C.UTF-8"}
+    env = {"PATH": os.defpath, "PYTHONUTF8": "1", "PYTHONHASHSEED": "0", "LC_ALL": "C.UTF-8"}
     if sys.platform == "win32":
         kept = ("SYSTEMROOT", "WINDIR", "PATH", "COMSPEC", "NUMBER_OF_PROCESSORS", "TEMP", "TMP")
     else:
@@ -77,6 +80,9 @@ def run(start: Start) -> int:
     os.environ.update(environment(Path(start.scratch)))
     os.chdir(start.folder)
     signal.signal(signal.SIGINT, signal.default_int_handler)
+    if start.plan is not None:
+        command = boot.command(boot.SIMULATED, msgspec.json.encode(start).decode())
+        os.execv(command[0], command)
     sys.dont_write_bytecode = True
     tempfile.tempdir = None  # found again, in the new environment
     speed.set_speed(start.speed, start.wall)

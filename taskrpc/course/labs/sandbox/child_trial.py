@@ -18,7 +18,9 @@ from taskrpc.course.labs.lab import NotMet
 from taskrpc.course.labs.sandbox import speed
 from taskrpc.course.labs.sandbox.child import Start, environment
 from taskrpc.course.labs.sandbox.program import ChildProgram, SpawnStarter, Starter
+from taskrpc.course.labs.sandbox.simulated.conversation import Conversation
 from taskrpc.course.labs.submission import remove
+from taskrpc.course.labs.trial import Call, Service, Simulated
 from taskrpc.course.labs.variants import Variant
 from taskrpc.node import Node
 
@@ -34,6 +36,8 @@ class ChildTrial:
         self._folder = folder
         self._starter = starter
         self._programs: list[ChildProgram] = []
+        self.depends_on_time = False
+        """Whether a program has run in time that passes, and not only in simulations."""
 
     @property
     def variant(self) -> Variant:
@@ -57,15 +61,8 @@ class ChildTrial:
 
     async def start(self, file: str, *arguments: str, interleaved: bool = False) -> ChildProgram:
         """Start a program of the submission; raises NotMet if the file is missing or no Python."""
-        path = self._folder / file
-        if not path.is_file():
-            names = sorted(each.name for each in self._folder.glob("*.py"))
-            raise NotMet(
-                f"a file {file}",
-                f"the folder has {' and '.join(names) or 'no program'}",
-                "`taskrpc lab start` wrote it; save your program under this name",
-            )
-        _check_syntax(path, file)
+        self._check_file(file)
+        self.depends_on_time = True
         program = ChildProgram()
         start = Start(
             file,
@@ -77,6 +74,53 @@ class ChildTrial:
         await program.run(self._starter, start)
         self._programs.append(program)
         return program
+
+    async def simulate(
+        self,
+        file: str,
+        *arguments: str,
+        duration: float,
+        service: Service | None = None,
+        calls: Sequence[Call] = (),
+    ) -> Simulated:
+        """Run a program in virtual time; raises NotMet if that is impossible."""
+        self._check_file(file)
+        conversation = Conversation(duration, service, calls)
+        program = ChildProgram(conversation.received)
+        conversation.send = program.write
+        await program.run(self._starter, Start(file, arguments, plan=conversation.plan))
+        self._programs.append(program)
+        code = await program.finished(None)
+        if conversation.error is not None:
+            raise conversation.error
+        if conversation.ended is None:
+            last = next((line for line in reversed(program.output) if line.strip()), "nothing")
+            raise NotMet(
+                f"{file} to end as other programs do, or to go on",
+                f"its process ended with {code} and wrote: {last.strip()}",
+                "which line ends the process, or never lets it wait?",
+            )
+        if refused := conversation.ended.refused:
+            raise NotMet(
+                f"{file} to use only what its comments name, because the check simulates it",
+                refused.partition(";")[0],
+                "leave it out: rclpy, time and threads are enough",
+            )
+        found = conversation.result()
+        program.add_output(found.output)
+        return found
+
+    def _check_file(self, file: str) -> None:
+        """Raise NotMet if a file is missing or no Python."""
+        path = self._folder / file
+        if not path.is_file():
+            names = sorted(each.name for each in self._folder.glob("*.py"))
+            raise NotMet(
+                f"a file {file}",
+                f"the folder has {' and '.join(names) or 'no program'}",
+                "`taskrpc lab start` wrote it; save your program under this name",
+            )
+        _check_syntax(path, file)
 
     def time(self) -> float:
         """Return the seconds since a moment in the past."""

@@ -7,7 +7,7 @@ import contextlib
 import re
 import secrets
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -44,6 +44,9 @@ class Process(Protocol):
     def kill(self) -> None:
         """End it and its descendants at once."""
 
+    def write(self, data: bytes) -> None:
+        """Write to its standard input; one that does not read is ended."""
+
 
 class Starter(Protocol):
     """What starts processes for a trial."""
@@ -56,9 +59,14 @@ class Starter(Protocol):
 
 
 class ChildProgram:
-    """A `trial.Program` in a process of its own."""
+    """A `trial.Program` in a process of its own.
 
-    def __init__(self) -> None:
+    Args:
+        on_message: gets each line of its first stream, if these are messages and not its output.
+    """
+
+    def __init__(self, on_message: Callable[[bytes], None] | None = None) -> None:
+        self._on_message = on_message
         self._lines: list[str] = []
         self._rest = {1: b"", 2: b""}
         self._bytes = 0
@@ -94,8 +102,17 @@ class ChildProgram:
                     await self._news.wait()
         return None
 
-    async def finished(self, timeout: float) -> int | None:
-        """Wait for the end of the program."""
+    def write(self, data: bytes) -> None:
+        """Write to the standard input of the program."""
+        assert self._process is not None
+        self._process.write(data)
+
+    def add_output(self, lines: Iterable[str]) -> None:
+        """Add lines that came in messages to the output."""
+        self._lines += [line[:_LONGEST_LINE] for line in lines]
+
+    async def finished(self, timeout: float | None) -> int | None:
+        """Wait for the end of the program; without a limit if there is no timeout."""
         assert self._end is not None
         await asyncio.wait([self._end], timeout=timeout)
         return self._end.result() if self._end.done() else None
@@ -140,9 +157,11 @@ class ChildProgram:
                 self._end_at_once(f"it wrote more than {LIMITS.output // MEGABYTE} MB of output")
             return
         *lines, self._rest[stream] = (self._rest[stream] + data).split(b"\n")
-        for line in lines:
-            text = line.decode(errors="replace").rstrip("\r")
-            self._lines.append(text[:_LONGEST_LINE])
+        if stream == 1 and self._on_message is not None:
+            for line in lines:
+                self._on_message(line)
+        else:
+            self.add_output(line.decode(errors="replace").rstrip("\r") for line in lines)
         self._news.set()
 
     async def _watch(self, starter: Starter) -> None:
@@ -189,7 +208,8 @@ class SpawnStarter:
         start = msgspec.structs.replace(
             start, scratch=str(scratch), folder=folder, ready=str(ready)
         )
-        command = boot.command("child", msgspec.json.encode(start).decode())
+        module = "child" if start.plan is None else boot.SIMULATED
+        command = boot.command(module, msgspec.json.encode(start).decode())
         tree = await ProcessTree.start(command, on_output, cwd=folder, env=environment(scratch))
         last = speed.real_monotonic() + _START
         while tree.returncode is None and speed.real_monotonic() < last:

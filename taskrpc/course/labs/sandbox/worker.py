@@ -114,6 +114,7 @@ async def _graded(request: Request, base: Path, report: Callable[[Line], None]) 
     record = read_record(find_root(part, [RECORD]))
     number, id = _identity(request, record)
     lab, variant = catalogue.lab(number), Variant(id)
+    lab.check_installed()
     root = find_root(part, [RECORD, *lab.files])
     digest = _digest(lab, variant, root)
     alike = _digest(lab, variant, root, structure)
@@ -160,7 +161,7 @@ class _Repetition:
 
     def again(self) -> bool:
         """After a check that did not pass: whether to run it once more, in slower time."""
-        if self.trial is not None and not self.trial.programs:
+        if self.trial is not None and not self.trial.depends_on_time:
             return False
         self.pace.second_run()
         self._tell()

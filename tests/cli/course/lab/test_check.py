@@ -229,3 +229,16 @@ def test_a_table_on_standard_output_is_not_mixed_with_progress(graded, capsys):
 def test_arguments_that_do_not_fit_are_named(capsys, arguments, words):
     assert main(["lab", "check", *arguments]) in (1, 2)
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("number", ["4", "5", "6"])
+def test_a_missing_package_is_one_line_with_the_command_that_installs_it(
+    monkeypatch, capsys, tmp_path, number
+):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("taskrpc.course.labs.lab.find_spec", lambda name: None)
+    assert main(["lab", "check", number]) == 1
+    err = capsys.readouterr().err
+    assert f"lab {number} is checked in virtual time, which needs greenlet, and that is" in err
+    assert "pip install" in err
+    assert err.count("\n") == 1

@@ -15,13 +15,24 @@ def test_the_client_gives_up_after_all_timeouts_and_waits():
     assert RETRY.total == 4 * 1 + 1 + 2 + 4
 
 
-@pytest.mark.parametrize("waits", [[1, 2, 4], [1.3, 2.3, 4.3], [0.7, 1.9, 3.8]])
+@pytest.mark.parametrize("waits", [[1, 2, 4], [1.1, 2.1, 4.1], [0.9, 1.9, 3.9]])
 def test_waits_that_double_are_accepted(waits):
     expect_waits(waits, RETRY)
 
 
 @pytest.mark.parametrize(
-    "waits", [[], [1, 2], [1, 1, 1], [1, 2, 3], [2, 4, 8], [0.5, 1, 2], [0, 1, 2], [1, 4, 9]]
+    "waits",
+    [
+        [],
+        [1, 2],
+        [1, 1, 1],
+        [1, 2, 3],
+        [2, 4, 8],
+        [0.5, 1, 2],
+        [0, 1, 2],
+        [1.3, 2.3, 4.3],
+        [1, 4, 9],
+    ],
 )
 def test_other_waits_are_refused(waits):
     with pytest.raises(NotMet, match=r"expected waits of 1\.0, 2\.0, 4\.0 s"):

@@ -1,54 +1,11 @@
 """The programs on the slides of the lecture run unchanged, and print the same as on ROS 2."""
 
-import re
-from pathlib import Path
-
 import pytest
 
+from tests.ros.packages.rclpy.programs.lecture import listing, program_of
 from tests.ros.packages.rclpy.programs.running import INTERRUPTED
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.real_time]
-
-LECTURE = Path(__file__).parents[6] / "shared" / "lecture" / "week4.txt"
-
-SNIPPETS = """
-import rclpy
-from rclpy.node import Node
-from example_interfaces.srv import AddTwoInts
-
-
-class Caller(Node):
-    def __init__(self):
-        super().__init__("caller")
-        self.client = self.create_client(AddTwoInts, "add_two_ints")
-
-    {method}
-
-rclpy.init()
-node = Caller()
-if {wait}:
-    node.client.wait_for_service(timeout_sec=60.0)
-print(node.{call})
-node.destroy_node()
-rclpy.shutdown()
-"""
-
-
-def listing(name):
-    """Return a program of the lecture, unchanged."""
-    if not LECTURE.exists():
-        pytest.skip("the lecture is not here")
-    text = LECTURE.read_text(encoding="utf-8")
-    return re.search(rf"^{name}\b.*\n(#!/usr(?:.*\n)+?    main\(\)\n)", text, re.M)[1]
-
-
-def snippet(name):
-    """Return a method of the lecture, indented as in a class."""
-    if not LECTURE.exists():
-        pytest.skip("the lecture is not here")
-    text = LECTURE.read_text(encoding="utf-8")
-    method = re.search(rf"^def {name}(?:.*\n)+?    return None\n", text, re.M)[0]
-    return method.replace("\n", "\n    ")
 
 
 def test_a_client_gets_its_sum_from_the_server(ros, run):
@@ -112,23 +69,17 @@ def test_the_task_server_runs_four_tasks_by_priority(ros):
 
 
 def test_timeout_snippet_gets_a_response_or_returns_none_at_the_timeout(ros, run):
-    source = SNIPPETS.replace("{method}", snippet("send_request_with_timeout"))
-    call = "send_request_with_timeout(AddTwoInts.Request(a=1, b=2), timeout={})"
-    source = source.replace("{call}", call)
-    code, out, err = run(source.replace("{}", "0.5").replace("{wait}", "False"))
+    name, request = "send_request_with_timeout", "AddTwoInts.Request(a=1, b=2)"
+    code, out, err = run(program_of(name, f"{request}, timeout=0.5", waits=False))
     assert (code, out) == (0, "None\n")
     assert "[WARN] [T] [caller]: Service call timed out\n" in err
     server = ros(listing("add_two_ints_server.py"), name="add_two_ints_server.py")
     server.wait_for("is ready")
-    code, out, _ = run(source.replace("{}", "60").replace("{wait}", "True"))
+    code, out, _ = run(program_of(name, f"{request}, timeout=60"))
     assert (code, out) == (0, "example_interfaces.srv.AddTwoInts_Response(sum=3)\n")
 
 
 def test_retry_snippet_gets_a_response_at_the_first_attempt(ros, run):
     ros(listing("add_two_ints_server.py"), name="add_two_ints_server.py").wait_for("is ready")
-    source = SNIPPETS.replace(
-        "{method}", "import time\n\n    " + snippet("send_request_with_retry")
-    )
-    call = "send_request_with_retry(AddTwoInts.Request(a=1, b=2))"
-    code, out, err = run(source.replace("{call}", call).replace("{wait}", "True"))
+    code, out, err = run(program_of("send_request_with_retry", "AddTwoInts.Request(a=1, b=2)"))
     assert (code, out, err) == (0, "example_interfaces.srv.AddTwoInts_Response(sum=3)\n", "")
