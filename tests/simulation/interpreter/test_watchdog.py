@@ -24,7 +24,7 @@ def watch(monkeypatch: pytest.MonkeyPatch, share: float) -> None:
             raise Ended
 
     monkeypatch.setattr(watchdog, "_sleep", sleep)
-    monkeypatch.setattr(watchdog, "_worked", lambda: now * share)
+    monkeypatch.setattr(watchdog, "_cpu_seconds", lambda: now * share)
     monkeypatch.setattr(watchdog, "_start", lambda run, arguments: run(*arguments))
     watchdog.watch(lambda: 1)
 
