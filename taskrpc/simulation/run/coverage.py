@@ -19,6 +19,8 @@ class Coverage(msgspec.Struct):
     """In how many runs a service was offered."""
     messages: dict[str, int] = {}
     """Messages that were published, by topic."""
+    unheard: dict[str, int] = {}
+    """Messages that no subscription got when they were published, by topic."""
     faults: dict[str, int] = {}
     """How often each kind of fault happened."""
 
@@ -26,7 +28,7 @@ class Coverage(msgspec.Struct):
         """Add what other runs have reached."""
         self.runs += other.runs
         self.seconds += other.seconds
-        for name in "calls", "unanswered", "offered", "messages", "faults":
+        for name in "calls", "unanswered", "offered", "messages", "unheard", "faults":
             mine = getattr(self, name)
             for key, count in getattr(other, name).items():
                 mine[key] = mine.get(key, 0) + count

@@ -63,8 +63,8 @@ class Noting(Protocol):
     def seen(self, process: Process) -> None:
         """Count what a program did."""
 
-    def published(self, topic: str, message: object) -> None:
-        """A program publishes a message."""
+    def published(self, topic: str, message: object, subscriptions: int) -> None:
+        """A program publishes a message, which so many subscriptions get."""
 
     def fault(self, name: str, program: str) -> None:
         """A fault has happened."""
@@ -140,7 +140,8 @@ def watch_publishers(present: Callable[[], Noting | None]) -> None:
 
     def noted(publisher: Publisher[Any], message: Any) -> None:
         if (run := present()) is not None:
-            run.published(publisher.topic_name, message)
+            count = publisher.get_subscription_count()
+            run.published(publisher.topic_name, message, count)
         publish(publisher, message)
 
     Publisher.publish = noted  # type: ignore[assignment, method-assign]

@@ -154,6 +154,8 @@ class Run:
         """The lines of calls that have not begun yet, by process and service."""
         self.messages: dict[str, list[Any]] = {}
         """The messages that were published, by topic."""
+        self._unheard: dict[str, int] = {}
+        """Messages that no subscription got when they were published, by topic."""
         self._partition = (math.inf, math.inf)
         """When two programs cannot reach each other: from, to."""
         self._apart = ("", "")
@@ -268,12 +270,15 @@ class Run:
         self.faults_happened.append(name)
         self.note("fault", name, program)
 
-    def published(self, topic: str, message: object) -> None:
-        """A program publishes a message."""
+    def published(self, topic: str, message: object, subscriptions: int) -> None:
+        """A program publishes a message, which so many subscriptions get."""
         process = self.present()
         if process is not None and not is_hidden(topic):
             self.messages.setdefault(topic, []).append(copy.deepcopy(message))
-            self._happened("message", topic, process)
+            if not subscriptions:
+                self._unheard[topic] = self._unheard.get(topic, 0) + 1
+            text = topic if subscriptions else f"{topic}; no subscription gets it now"
+            self._happened("message", text, process)
 
     def fault_of_call(self, service: str, count: int) -> Fault | None:
         """Return the fault of a call, the `count`th that arrived at a service."""
@@ -362,6 +367,7 @@ class Run:
             found.offered[service] = 1
         for topic, messages in self.messages.items():
             found.messages[topic] = len(messages)
+        found.unheard = dict(self._unheard)
         for fault in self.faults_happened:
             kind = kind_of(fault)
             found.faults[kind] = found.faults.get(kind, 0) + 1

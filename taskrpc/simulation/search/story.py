@@ -148,9 +148,10 @@ def summary(coverage: Coverage, shapes: int, seconds: float) -> str:
         f" virtual time), {shapes} different courses."
     ]
     if coverage.calls:
-        lines.append(f"Calls: {_counts(coverage.calls, coverage.unanswered)}.")
+        calls = _counts(coverage.calls, coverage.unanswered, "without a response")
+        lines.append(f"Calls: {calls}.")
     if coverage.messages:
-        messages = ", ".join(f"{name} {count}" for name, count in sorted(coverage.messages.items()))
+        messages = _counts(coverage.messages, coverage.unheard, "without a subscription")
         lines.append(f"Messages: {messages}.")
     if coverage.faults:
         faults = ", ".join(f"{name} {count}" for name, count in sorted(coverage.faults.items()))
@@ -162,9 +163,8 @@ def summary(coverage: Coverage, shapes: int, seconds: float) -> str:
     return "\n".join(lines)
 
 
-def _counts(calls: Mapping[str, int], unanswered: Mapping[str, int]) -> str:
+def _counts(counts: Mapping[str, int], some: Mapping[str, int], which: str) -> str:
     return ", ".join(
-        f"{service} {count}"
-        + (f" ({unanswered[service]} without a response)" if unanswered.get(service) else "")
-        for service, count in sorted(calls.items())
+        f"{name} {count}" + (f" ({some[name]} {which})" if some.get(name) else "")
+        for name, count in sorted(counts.items())
     )

@@ -55,6 +55,26 @@ def test_lost_response_is_a_fault_and_an_error_of_the_caller(simulated):
 
 
 @pytest.mark.real_time
+def test_message_that_no_subscription_gets_is_told_as_such(simulated):
+    loaded = simulated(
+        FAILING,
+        a="""
+        import time
+        import rclpy
+        from std_msgs.msg import String
+        rclpy.init()
+        node = rclpy.create_node("a")
+        publisher = node.create_publisher(String, "chatter", 10)
+        publisher.publish(String(data="word"))
+        node.create_subscription(String, "chatter", print, 10)
+        time.sleep(1)
+        publisher.publish(String(data="word"))
+        """,
+    )
+    texts = [each.text for each in loaded.explain().events if each.kind == "message"]
+    assert texts == ["/chatter; no subscription gets it now", "/chatter"]
+
+
 def test_messages_are_events_of_their_publisher(simulated):
     loaded = simulated(
         FAILING,
@@ -68,5 +88,5 @@ def test_messages_are_events_of_their_publisher(simulated):
     )
     events = loaded.explain().events
     [message] = [each for each in events if each.kind == "message"]
-    assert (message.program, message.text) == ("a", "/chatter")
+    assert (message.program, message.text) == ("a", "/chatter; no subscription gets it now")
     assert message.where == "a.py:6"

@@ -137,13 +137,14 @@ def test_summary_says_what_was_reached_and_what_was_not():
         seconds=600.0,
         calls={"/pick": 9, "/place": 1},
         unanswered={"/pick": 2},
-        messages={"/map": 1},
+        messages={"/map": 1, "/scan": 5},
+        unheard={"/scan": 2},
         offered={"/pick": 9, "/stop": 9},
         faults={"lose request": 3, "kill": 1},
     )
     text = summary(coverage, 40, 2.0)
     assert text.startswith("100 runs in 2.0 s (50 a second; 600 s of virtual time), 40 different")
     assert "Calls: /pick 9 (2 without a response), /place 1." in text
-    assert "Messages: /map 1." in text
+    assert "Messages: /map 1, /scan 5 (2 without a subscription)." in text
     assert "Faults: kill 1, lose request 3." in text
     assert text.endswith("Not reached: nobody called /stop.")
