@@ -55,10 +55,12 @@ def use_product(interpreter: Interpreter, folder: Path, files: Sequence[Path]) -
 
 
 def _install_no_signal_handlers() -> None:
-    """Keep rclpy from watching for signals, with a socket and a thread: none ever arrives."""
+    """Keep rclpy from watching for signals, with a socket, a thread and short waits: none comes."""
 
     def ignore(*_: Any, **__: Any) -> None:
         pass
 
     for name in "rclpy", "rclpy.signals":
         setattr(importlib.import_module(name), "install_signal_handlers", ignore)  # noqa: B010
+    wakeups = importlib.import_module("rclpy._impl.execution.wakeups")
+    setattr(wakeups, "_SLICE", None)  # noqa: B010 - on Windows, a run would have more steps
