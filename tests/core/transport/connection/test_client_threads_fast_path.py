@@ -169,10 +169,7 @@ def outcome(waiter):
     try:
         return waiter.wait()
     except (DeadlineExceeded, InvalidRequest) as error:
-        waiter._sleep.release()
         return type(error), str(error), error.not_executed
-    else:
-        waiter._sleep.release()
 
 
 sizes = st.one_of(
