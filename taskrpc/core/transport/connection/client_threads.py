@@ -29,7 +29,7 @@ from taskrpc.core.wire.handshake import Identity
 from taskrpc.core.wire.messages import Resolve
 from taskrpc.core.wire.session import LAST_CALL_ID, Session
 
-LEND_AFTER = 8
+LEND_AFTER = 32
 """Calls in a row that were alone on the connection before threads read their responses."""
 LEND_CHECK = 0.01
 """Seconds: the event loop reads again if no call began between two of these checks."""
@@ -326,7 +326,7 @@ class ThreadedConnection(CallingConnection):
             return
         if self._is_free(0) and self._thread_socket.open_for_reads():
             transport.pause_reading()
-            self._check_lending(0)
+            self._check_lending(-1)
 
     def _check_lending(self, last_call_id: int) -> None:
         """Read again if threads began no call since the last check.
