@@ -23,7 +23,7 @@ from typing import Any
 from taskrpc.core.transport.base import OnDone
 from taskrpc.core.transport.connection.client_side import CallingConnection, OpenCall, time_left
 from taskrpc.core.transport.connection.connection import Owner
-from taskrpc.core.transport.connection.threads import ThreadSocket
+from taskrpc.core.transport.connection.threads import READ_TIMEOUT, ThreadSocket
 from taskrpc.core.wire.frames import LARGE, NO_DEADLINE, Body
 from taskrpc.core.wire.handshake import Identity
 from taskrpc.core.wire.messages import Resolve
@@ -33,9 +33,9 @@ LEND_AFTER = 32
 """Calls in a row that were alone on the connection before threads read their responses."""
 LEND_CHECK = 0.01
 """Seconds: the event loop reads again if no call began between two of these checks."""
-_ENOUGH_TIME = 30
-"""Milliseconds. If a call has less time left, its thread does not read: the event loop keeps its
-deadline, and must get the server's answer to a late cancellation."""
+_ENOUGH_TIME = 3 * READ_TIMEOUT
+"""Milliseconds. If a call has less time left, its thread does not read: while it waits for bytes,
+the event loop could not wake it at the deadline."""
 
 _SLICE = 0.1
 """Seconds of one wait on a lock: on Windows, Ctrl-C interrupts a wait only at its end."""

@@ -8,7 +8,7 @@ import time
 from unittest import mock
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
@@ -278,7 +278,10 @@ def answered(server, answers):
 
 
 @pytest.mark.real_time
-@given(answers, st.integers(0, 40), st.booleans(), st.sampled_from([None, 0.025, 50.0]))
+@given(answers, st.integers(0, 50), st.booleans(), st.sampled_from([None, 0.025, 50.0]))
+@example(["response", "ping"], 50, True, None)
+@example(["response", "services"], 40, True, None)
+@example(["ping", "response"], 30, True, None)
 @settings(max_examples=examples(60), deadline=None)
 def test_response_read_by_a_thread_has_the_effects_of_one_read_by_the_event_loop(
     answers, cut, is_alone, seconds

@@ -68,7 +68,7 @@ def client_that_reads(node, name="add"):
     add, client = node.create_client(AddTwoInts, "add"), node.create_client(AddTwoInts, name)
     assert add.wait_for_service(60)
     assert client.wait_for_service(60)
-    while connection_of(add)._lent is None:
+    while not connection_of(add)._lent:
         assert add.call(AddTwoInts.Request(a=1, b=2)).sum == 3
     assert connection_of(client) is connection_of(add)
     return client
@@ -78,8 +78,9 @@ def connection_of(client):
     return client._inner._channel._connection
 
 
-def reads_of_the_loop(monkeypatch):
-    """The reads that the event loop handles from now on on connections of threads."""
+@pytest.fixture
+def handled(monkeypatch):
+    """The sizes of the reads that the event loop has handled for clients."""
     handled = []
 
     def buffer_updated(connection, nbytes):
@@ -92,16 +93,16 @@ def reads_of_the_loop(monkeypatch):
 
 
 @pytest.mark.usefixtures("patient")
-def test_event_loop_reads_nothing_while_threads_read_their_responses(node, monkeypatch):
+def test_event_loop_reads_nothing_while_threads_read_their_responses(handled, node):
     client = client_that_reads(node)
-    handled = reads_of_the_loop(monkeypatch)
+    before = len(handled)
+    assert before >= client_threads.LEND_AFTER
     for n in range(50):
         assert client.call(AddTwoInts.Request(a=n, b=n)).sum == 2 * n
-    assert handled == []
+    assert len(handled) == before
 
 
-def test_event_loop_reads_first_and_whenever_calls_overlap(server, node, monkeypatch):
-    handled = reads_of_the_loop(monkeypatch)
+def test_event_loop_reads_first_and_whenever_calls_overlap(handled, server, node):
     slow, add = (node.create_client(AddTwoInts, name) for name in ("slow", "add"))
     first = slow.call_async(AddTwoInts.Request(a=1))
     assert server.begun.wait(60)
@@ -126,16 +127,49 @@ def test_event_loop_reads_again_when_threads_make_no_more_calls(node, monkeypatc
 
 @pytest.mark.usefixtures("patient")
 def test_calls_of_other_callers_end_while_a_thread_reads(server, node):
-    slow = client_that_reads(node, "slow")
+    for _ in range(2):
+        slow = client_that_reads(node, "slow")
+        with ThreadPoolExecutor(1) as pool:
+            waiting = pool.submit(slow.call, AddTwoInts.Request(a=1), timeout=None)
+            assert server.begun.wait(60)
+            add = node.create_client(AddTwoInts, "add")
+            assert add.call_async(AddTwoInts.Request(a=2)).result(60).sum == 2
+            assert add.call(AddTwoInts.Request(a=3)).sum == 3
+            assert not waiting.done()
+            server.may_end.set()
+            assert waiting.result(60).sum == 1
+        server.begun.clear()
+        server.may_end.clear()
+
+
+@pytest.mark.usefixtures("patient")
+def test_event_loop_reads_on_while_a_call_is_in_flight(server, node):
+    """The last of the calls that were alone takes long, and another response comes first."""
+    slow, add = (node.create_client(AddTwoInts, name) for name in ("slow", "add"))
+    assert slow.wait_for_service(60)
+    assert add.wait_for_service(60)
+    for n in range(client_threads.LEND_AFTER - 1):
+        assert add.call(AddTwoInts.Request(a=n)).sum == n
     with ThreadPoolExecutor(1) as pool:
-        waiting = pool.submit(slow.call, AddTwoInts.Request(a=1))
+        waiting = pool.submit(slow.call, AddTwoInts.Request(a=1), timeout=None)
         assert server.begun.wait(60)
-        add = node.create_client(AddTwoInts, "add")
         assert add.call_async(AddTwoInts.Request(a=2)).result(60).sum == 2
-        assert add.call(AddTwoInts.Request(a=3)).sum == 3
-        assert not waiting.done()
         server.may_end.set()
         assert waiting.result(60).sum == 1
+
+
+def test_event_loop_reads_on_while_a_node_is_subscribed(handled, server, node):
+    heard = threading.Event()
+    publisher = server.node.create_publisher(AddTwoInts.Request, "numbers")
+    node.create_subscription(AddTwoInts.Request, "numbers", lambda _: heard.set())
+    add = node.create_client(AddTwoInts, "add")
+    assert add.wait_for_service(60)
+    while not heard.wait(0.01):
+        publisher.publish(AddTwoInts.Request(a=7))
+    before = len(handled)
+    for n in range(3 * client_threads.LEND_AFTER):
+        assert add.call(AddTwoInts.Request(a=n)).sum == n
+    assert len(handled) - before >= 3 * client_threads.LEND_AFTER
 
 
 @pytest.mark.usefixtures("patient")
@@ -143,22 +177,25 @@ def test_calls_of_other_callers_end_while_a_thread_reads(server, node):
 def test_call_without_a_waiting_thread_ends_although_threads_read(node, way):
     client = client_that_reads(node)
     if way == "call_async":
-        response = client.call_async(AddTwoInts.Request(a=1))
+        response = client.call_async(AddTwoInts.Request(a=1), timeout=None)
     else:
         response = Future()
-        client.call_then(AddTwoInts.Request(a=1), lambda message, _: response.set_result(message))
+        client.call_then(AddTwoInts.Request(a=1), lambda end, _: response.set_result(end), None)
     assert response.result(60).sum == 1
 
 
 @pytest.mark.usefixtures("patient")
-def test_thread_that_reads_hears_of_the_end_of_its_connection(server, node):
+@pytest.mark.parametrize("end", ["here", "at the server"])
+def test_thread_that_reads_hears_of_the_end_of_its_connection(server, node, end):
     slow = client_that_reads(node, "slow")
+    lost = connection_of(slow)
     with ThreadPoolExecutor(1) as pool:
-        waiting = pool.submit(slow.call, AddTwoInts.Request(a=1))
+        waiting = pool.submit(slow.call, AddTwoInts.Request(a=1), timeout=None)
         assert server.begun.wait(60)
-        lost = connection_of(slow)
+        served = server.node.async_node._transport._served
+        ends = [lost] if end == "here" else list(served)
         error = taskrpc.ConnectionLost("lost by a test")
-        node.loop_thread.soon(lambda: lost.abort(error))
+        node.loop_thread.soon(lambda: [each.abort(error) for each in ends])
         assert isinstance(waiting.exception(60), taskrpc.OutcomeUnknown)
     server.may_end.set()
     assert slow.call(AddTwoInts.Request(a=2)).sum == 2
