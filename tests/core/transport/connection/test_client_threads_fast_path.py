@@ -193,7 +193,6 @@ class End:
                 connection.check_before,
                 connection.written,
                 connection.received,
-                self.transport.is_paused,
                 self.transport.is_closed,
             ),
             [(call.call_id, call.is_late, outcome(call.future)) for call in self.calls],
@@ -278,53 +277,70 @@ def answered(server, answers):
 
 
 @pytest.mark.real_time
-@given(answers, st.integers(0, 50), st.booleans(), st.sampled_from([None, 0.025, 50.0]))
-@example(["response", "ping"], 50, True, None)
-@example(["response", "services"], 40, True, None)
-@example(["ping", "response"], 30, True, None)
+@given(
+    answers,
+    st.integers(0, 50),
+    st.sampled_from(["nothing", "call", "retire"]),
+    st.sampled_from([None, 0.025, 50.0]),
+    st.sampled_from([1, 2]),
+)
+@example(["response", "ping"], 50, "nothing", None, 1)
+@example(["response", "services"], 40, "nothing", None, 1)
+@example(["response"], 50, "call", None, 1)
+@example(["response"], 50, "retire", None, 1)
 @settings(max_examples=examples(60), deadline=None)
 def test_response_read_by_a_thread_has_the_effects_of_one_read_by_the_event_loop(
-    answers, cut, is_alone, seconds
+    answers, cut, step, seconds, calls
 ):
-    """Some bytes arrive before the thread reads, others later; another call may begin meanwhile."""
+    """Some bytes arrive before the thread reads, and others later."""
 
     async def run():
         loop = asyncio.get_running_loop()
-        ends = [End(Limits()), End(Limits())]
+        ends = [End(Limits(calls=calls)), End(Limits(calls=calls))]
         fast, slow = ends
+        done = []
+
+        def meanwhile(end):
+            if end not in done:
+                done.append(end)
+                if step == "call":
+                    end.call(8, None, in_thread=False)
+                elif step == "retire":
+                    end.connection.retire()
+
+        def wait(thread_socket):
+            meanwhile(fast)
+            really_wait(thread_socket)
+
+        really_wait = ThreadSocket.wait
         try:
-            with mock.patch.object(time, "monotonic", loop.time):
+            with (
+                mock.patch.object(time, "monotonic", loop.time),
+                mock.patch.object(ThreadSocket, "wait", wait),
+            ):
                 fast.connection._lend()
                 assert fast.transport.is_paused
                 slow.connection.begin_in_thread(slow.make(8, seconds))
-                if not is_alone:
-                    slow.call(8, None, in_thread=False)
+                meanwhile(slow)
                 slow.hear()
                 stream = answered(slow.server, answers)
                 for end in ends:
                     end.peer.sendall(stream[:cut])
-
-                def meanwhile():
-                    if not is_alone and len(fast.calls) < len(slow.calls):
-                        fast.call(8, None, in_thread=False)
-
-                def wait(thread_socket):
-                    meanwhile()
-                    really_wait(thread_socket)
-
-                really_wait = ThreadSocket.wait
-                with mock.patch.object(ThreadSocket, "wait", wait):
-                    fast.connection.call_in_thread(fast.make(8, seconds))
-                meanwhile()  # a thread with little time left does not wait
+                fast.connection.call_in_thread(fast.make(8, seconds))
+                meanwhile(fast)  # a thread with little time left does not wait
                 for end in ends:
                     await asyncio.sleep(0)
                     end.read()
+                if cut >= len(stream):
+                    assert fast.state() == slow.state()
+                for end in ends:
                     end.peer.sendall(stream[cut:])
                 await asyncio.sleep(2 * LEND_CHECK)
                 for end in ends:
                     end.read()
                 await asyncio.sleep(0)
                 assert fast.state() == slow.state()
+                assert not fast.transport.is_paused
         finally:
             for end in ends:
                 end.close()
