@@ -143,6 +143,23 @@ def test_calls_of_other_callers_end_while_a_thread_reads(server, node):
 
 
 @pytest.mark.usefixtures("patient")
+def test_function_runs_on_the_event_loop_though_a_thread_has_read_its_response(server, node):
+    slow, told = client_that_reads(node, "slow"), Future()
+    add = node.create_client(AddTwoInts, "add")
+    assert add.wait_for_service(60)
+    client_that_reads(node)
+    with ThreadPoolExecutor(1) as pool:
+        waiting = pool.submit(slow.call, AddTwoInts.Request(a=1), timeout=None)
+        assert server.begun.wait(60)
+        add.call_then(
+            AddTwoInts.Request(), lambda *_: told.set_result(threading.current_thread()), None
+        )
+        assert told.result(60) is node.loop_thread._thread
+        server.may_end.set()
+        assert waiting.result(60).sum == 1
+
+
+@pytest.mark.usefixtures("patient")
 def test_event_loop_reads_on_while_a_call_is_in_flight(server, node):
     """The last of the calls that were alone takes long, and another response comes first."""
     slow, add = (node.create_client(AddTwoInts, name) for name in ("slow", "add"))
