@@ -170,7 +170,7 @@ class ThreadedConnection(CallingConnection):
 
     def call_in_thread(self, call: OpenCall, left: int = 0) -> bool:
         """Do as `begin_in_thread`; read the response too if the event loop has stopped reading."""
-        found: list[tuple[Any, Body]] = []
+        found: list[tuple[OpenCall, Body]] = []
         try:
             if not self.begin_in_thread(call, left, may_read=True):
                 return False
@@ -223,7 +223,7 @@ class ThreadedConnection(CallingConnection):
             self.owner.loop.call_soon_threadsafe(self.watch, deadline)
         return True
 
-    def _completed(self, call: OpenCall) -> list[tuple[Any, Body]]:
+    def _completed(self, call: OpenCall) -> list[tuple[OpenCall, Body]]:
         """Read, and take the response to the call if it is the only one.
 
         If there is anything else to do, the call stays the `_reader`: its thread must return the

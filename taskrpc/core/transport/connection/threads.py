@@ -65,13 +65,13 @@ class ThreadSocket:
 
     def open_for_reads(self) -> bool:
         """Let threads read too; False if they cannot: on Windows, asyncio's read does not stop."""
-        if sys.platform == "win32" or self._socket is None:
-            return False
-        # A new one: a thread may still wait in the one before, which has no place for a second.
-        poll = select.poll()
-        poll.register(self._socket.fileno(), select.POLLIN)
-        self._poll = poll.poll
-        return True
+        if sys.platform != "win32" and self._socket is not None:
+            # A new one: a thread may still wait in the one before, which has no place for a second.
+            poll = select.poll()
+            poll.register(self._socket.fileno(), select.POLLIN)
+            self._poll = poll.poll
+            return True
+        return False
 
     def close(self) -> None:
         """Close the socket, after the transport is gone."""
