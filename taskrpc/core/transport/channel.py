@@ -195,7 +195,8 @@ class RemoteChannel:
     def send_in_thread(self, request: Any, deadline: float | None, left: int = 0) -> Waiter | None:
         """Send a request from another thread; None if only the event loop can send it.
 
-        `left` as in `send`. Raises InvalidRequest for a request that cannot be sent.
+        The call may have ended when this returns. `left` as in `send`. Raises InvalidRequest for a
+        request that cannot be sent.
         """
         waiter = Waiter()
         return waiter if self._begin_in_thread(waiter, request, deadline, left) else None
@@ -220,6 +221,8 @@ class RemoteChannel:
         body, decode, move = self._encode(request), self._decode, self._move
         call = OpenCall(waiter, connection, decode, deadline, method, body, move)
         waiter.call = call
+        if isinstance(waiter, Waiter):
+            return connection.call_in_thread(call, left)
         return connection.begin_in_thread(call, left)
 
     def refuse_if_closed(self) -> None:

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import select
 import socket
+import sys
 import threading
 from collections.abc import Callable
 
-from taskrpc.core.transport.connection.connection import Connection
+from taskrpc.core.transport.connection.connection import READ_BUFFER, Connection
+
+READ_TIMEOUT = 10
+"""Milliseconds that a thread waits for bytes; then the event loop reads."""
+
+_ONE_READ = (READ_BUFFER,)
 
 
 class ThreadSocket:
@@ -18,7 +25,7 @@ class ThreadSocket:
     only a part, the event loop writes the rest before anything else.
     """
 
-    __slots__ = ("_rest", "_socket", "is_idle", "lock")
+    __slots__ = ("_poll", "_rest", "_socket", "is_idle", "lock")
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
@@ -31,6 +38,8 @@ class ThreadSocket:
         already reports an empty buffer while it writes."""
         self._socket: socket.socket | None = None
         """A duplicate of the transport's socket."""
+        self._poll: Callable[[int], object] | None = None
+        """Waits for bytes, at most so many milliseconds; None before threads read."""
 
     @property
     def is_open(self) -> bool:
@@ -54,12 +63,42 @@ class ThreadSocket:
             with contextlib.suppress(OSError):  # no descriptor is left; the event loop has its own
                 self._socket = found.dup()
 
+    def open_for_reads(self) -> bool:
+        """Let threads read too; False if they cannot: on Windows, asyncio's read does not stop."""
+        if sys.platform != "win32" and self._socket is not None:
+            # A new one: a thread may still wait in the one before, which has no place for a second.
+            poll = select.poll()
+            poll.register(self._socket.fileno(), select.POLLIN)
+            self._poll = poll.poll
+            return True
+        return False
+
     def close(self) -> None:
         """Close the socket, after the transport is gone."""
         self._rest = b""
         if self._socket is not None:
+            if self._poll is not None:
+                with contextlib.suppress(OSError):
+                    self._socket.shutdown(socket.SHUT_RDWR)  # wakes a thread in `wait`
             self._socket.close()
             self._socket = None
+
+    def wait(self) -> None:
+        """Wait until bytes have arrived, the connection is gone, or `READ_TIMEOUT` is over."""
+        assert self._poll is not None
+        self._poll(READ_TIMEOUT)
+
+    def read(self, pieces: list[bytes]) -> None:
+        """Append what has arrived to `pieces`, and do not wait; the thread holds the lock.
+
+        `pieces` has the bytes even if Ctrl-C interrupts the thread as soon as they were read.
+        """
+        assert self._socket is not None
+        try:
+            # Inside `extend`, no signal handler runs after `recv` has returned.
+            pieces.extend(map(self._socket.recv, _ONE_READ))
+        except OSError:  # usually nothing has arrived; the event loop finds any other error
+            return
 
     def write(self, connection: Connection, data: bytes) -> None:
         """Write from this thread, which holds the lock; the event loop writes the rest."""

@@ -43,8 +43,8 @@ class Stingy:
             raise BlockingIOError
         return self.socket.send(data[: self.takes])
 
-    def close(self):
-        self.socket.close()
+    def __getattr__(self, name):
+        return getattr(self.socket, name)
 
 
 @pytest.mark.parametrize("takes", [0, 3, 17])

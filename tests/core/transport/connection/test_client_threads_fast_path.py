@@ -1,4 +1,4 @@
-"""A thread sends a call itself, with the same effects as if the event loop had sent it."""
+"""A thread sends a call and reads its response, with the same effects as the event loop."""
 
 from __future__ import annotations
 
@@ -8,17 +8,23 @@ import time
 from unittest import mock
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from taskrpc.core.transport.connection.client_side import OpenCall
-from taskrpc.core.transport.connection.client_threads import ThreadedConnection, Waiter
+from taskrpc.core.transport.connection.client_threads import (
+    LEND_CHECK,
+    ThreadedConnection,
+    Waiter,
+)
+from taskrpc.core.transport.connection.connection import READ_BUFFER
+from taskrpc.core.transport.connection.threads import ThreadSocket
 from taskrpc.core.transport.limits.keepalive import DEFAULT
 from taskrpc.core.wire.frames import LARGE
 from taskrpc.core.wire.messages import Limits
 from taskrpc.core.wire.session import LAST_CALL_ID, Session
-from taskrpc.errors import DeadlineExceeded, InvalidRequest
+from taskrpc.errors import InvalidRequest, ServerBusy, TaskRpcError
 from taskrpc.testing import VirtualTimeLoop
 from tests.core.wire.helpers import CLIENT, SERVER
 from tests.properties import examples
@@ -44,11 +50,24 @@ class Owner:
 
 
 class SocketTransport(asyncio.Transport):
-    """Writes to a socket, or to a buffer while `is_full`."""
+    """Writes to a socket, or to a buffer while `is_full`; reads when the test says so."""
 
     def __init__(self, sock):
         super().__init__({"socket": sock})
         self.sock, self.buffer, self.is_full = sock, b"", False
+        self.is_paused = self.is_closed = False
+
+    def pause_reading(self):
+        self.is_paused = True
+
+    def resume_reading(self):
+        self.is_paused = False
+
+    def is_closing(self):
+        return self.is_closed
+
+    def close(self):
+        self.is_closed = True
 
     def write(self, data):
         self.buffer += data
@@ -75,6 +94,7 @@ class End:
         self.connection = ThreadedConnection(Owner(), CLIENT, lambda: None)
         self.server = Session(replace(SERVER, limits=limits), is_client=False)
         self.connection.connection_made(self.transport)
+        self.connection._thread_socket._socket.setblocking(False)  # as asyncio's sockets are
         self.calls, self.stream = [], b""
         for _ in range(3):
             self.hear()
@@ -100,22 +120,37 @@ class End:
             self.connection.get_buffer(-1)[: len(piece)] = piece
             self.connection.buffer_updated(len(piece))
 
+    def read(self):
+        """Let the event loop read what has arrived, unless it has stopped reading."""
+        if self.transport.is_paused:
+            return
+        self.sock.setblocking(False)
+        try:
+            while count := self.sock.recv_into(self.connection.get_buffer(-1)):
+                self.connection.buffer_updated(count)
+        except BlockingIOError:
+            pass
+
     def close(self):
         self.connection.connection_lost(None)
         self.sock.close()
         self.peer.close()
 
-    def call(self, size, seconds, *, in_thread):
+    def make(self, size, seconds):
         deadline = None if seconds is None else self.connection.owner.now() + seconds
         waiter = Waiter()
         body = bytes(size)
         call = waiter.call = OpenCall(waiter, self.connection, bytes, deadline, 1, body)
         self.calls.append(call)
+        return call
+
+    def call(self, size, seconds, *, in_thread):
+        call = self.make(size, seconds)
         try:
             if not (in_thread and self.connection.begin_in_thread(call)):
                 self.connection.begin(call)
         except InvalidRequest as error:
-            waiter.set_exception(error)
+            call.future.set_exception(error)
 
     def do(self, step, *, in_thread):
         kind, *values = step
@@ -157,6 +192,8 @@ class End:
                 len(connection._waiting),
                 connection.check_before,
                 connection.written,
+                connection.received,
+                self.transport.is_closed,
             ),
             [(call.call_id, call.is_late, outcome(call.future)) for call in self.calls],
         )
@@ -168,11 +205,8 @@ def outcome(waiter):
         return None
     try:
         return waiter.wait()
-    except (DeadlineExceeded, InvalidRequest) as error:
-        waiter._sleep.release()
+    except TaskRpcError as error:
         return type(error), str(error), error.not_executed
-    else:
-        waiter._sleep.release()
 
 
 sizes = st.one_of(
@@ -205,6 +239,108 @@ def test_call_sent_by_a_thread_has_the_effects_of_one_sent_by_the_event_loop(ste
                 await asyncio.sleep(0)
                 fast, slow = (end.state() for end in ends)
                 assert fast == slow
+        finally:
+            for end in ends:
+                end.close()
+
+    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        runner.run(run())
+
+
+answers = st.lists(
+    st.sampled_from(["response", "large", "error", "other", "ping", "services", "drain"]),
+    min_size=1,
+    max_size=4,
+)
+
+
+def answered(server, answers):
+    """What the server sends to the call of a thread, and perhaps to a later one."""
+    call, *others = sorted(server.open_calls)
+    for answer in answers:
+        match answer:
+            case "response":
+                server.respond(call, b"response")
+            case "large":
+                server.respond(call, bytes(READ_BUFFER + 1))
+            case "error":
+                server.fail(call, ServerBusy("later"))
+            case "other" if others:
+                server.respond(others[0], b"other response")
+            case "ping":
+                server.ping(7)
+            case "services":
+                server.advertise()
+            case "drain":
+                server.drain()
+    return b"".join(server.take())
+
+
+@pytest.mark.real_time
+@given(
+    answers,
+    st.integers(0, 50),
+    st.sampled_from(["nothing", "call", "retire"]),
+    st.sampled_from([None, 0.025, 50.0]),
+    st.sampled_from([1, 2]),
+)
+@example(["response", "ping"], 50, "nothing", None, 1)
+@example(["response", "services"], 40, "nothing", None, 1)
+@example(["response"], 50, "call", None, 1)
+@example(["response"], 50, "retire", None, 1)
+@settings(max_examples=examples(60), deadline=None)
+def test_response_read_by_a_thread_has_the_effects_of_one_read_by_the_event_loop(
+    answers, cut, step, seconds, calls
+):
+    """Some bytes arrive before the thread reads, and others later."""
+
+    async def run():
+        loop = asyncio.get_running_loop()
+        ends = [End(Limits(calls=calls)), End(Limits(calls=calls))]
+        fast, slow = ends
+        done = []
+
+        def meanwhile(end):
+            if end not in done:
+                done.append(end)
+                if step == "call":
+                    end.call(8, None, in_thread=False)
+                elif step == "retire":
+                    end.connection.retire()
+
+        def wait(thread_socket):
+            meanwhile(fast)
+            really_wait(thread_socket)
+
+        really_wait = ThreadSocket.wait
+        try:
+            with (
+                mock.patch.object(time, "monotonic", loop.time),
+                mock.patch.object(ThreadSocket, "wait", wait),
+            ):
+                fast.connection._lend()
+                assert fast.transport.is_paused
+                slow.connection.begin_in_thread(slow.make(8, seconds))
+                meanwhile(slow)
+                slow.hear()
+                stream = answered(slow.server, answers)
+                for end in ends:
+                    end.peer.sendall(stream[:cut])
+                fast.connection.call_in_thread(fast.make(8, seconds))
+                meanwhile(fast)  # a thread with little time left does not wait
+                for end in ends:
+                    await asyncio.sleep(0)
+                    end.read()
+                if cut >= len(stream):
+                    assert fast.state() == slow.state()
+                for end in ends:
+                    end.peer.sendall(stream[cut:])
+                await asyncio.sleep(2 * LEND_CHECK)
+                for end in ends:
+                    end.read()
+                await asyncio.sleep(0)
+                assert fast.state() == slow.state()
+                assert not fast.transport.is_paused
         finally:
             for end in ends:
                 end.close()
