@@ -147,7 +147,10 @@ class Client(Generic[RequestT, ResponseT]):
             response = await self._attempts(request, deadline, policy, request_id).result(call)
             return response
         finally:
-            counter.settle(call.sequence)
+            if (sequence := call.sequence) == counter.first and not counter.settled:
+                counter.first = sequence + 1  # as `settle` does, without a call
+            else:
+                counter.settle(sequence)
         if self._budget.spent:
             self._budget.earn()
         return response

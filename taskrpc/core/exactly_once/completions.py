@@ -65,9 +65,12 @@ class CompletionIndex:
 
     def __init__(self) -> None:
         self._by_client: dict[ClientKey, dict[int, Completion]] = {}
+        self._last: Completion | None = None
+        """The latest completion. The next one settles it if a client calls again and again: then
+        its memory is used again while the processor has it in its cache."""
         self._recent: list[Completion] = []
-        """The latest completions, which are not indexed yet: the next completions of the same
-        client settle most of them, and those are never indexed."""
+        """Those before it that are not indexed yet: the next completions of the same client settle
+        most of them, and those are never indexed."""
 
     def all(self) -> tuple[Completion, ...]:
         """Return every completion that is not settled."""
@@ -81,13 +84,22 @@ class CompletionIndex:
             for client in forgotten:
                 self._by_client.pop(client, None)
         if completion is not None:
-            recent = self._recent
-            recent.append(completion)
-            if len(recent) >= _BATCH_SIZE or len(completion.response) >= _LARGE:
-                self._index_recent()
+            last, self._last = self._last, completion
+            if last is not None and (
+                last.sequence >= completion.first_incomplete
+                or last.client != completion.client
+                or last.principal != completion.principal
+            ):
+                recent = self._recent
+                recent.append(last)
+                if len(recent) >= _BATCH_SIZE or len(last.response) >= _LARGE:
+                    self._index_recent()
 
     def _index_recent(self) -> None:
         recent, self._recent = self._recent, []
+        if self._last is not None:
+            recent.append(self._last)
+            self._last = None
         firsts: dict[ClientKey, int] = {}
         unsettled: list[Completion] = []
         principal, client, first = "", b"", 0

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from taskrpc.core.callinfo import log_fields
 from taskrpc.core.exactly_once.executions import Execution
-from taskrpc.core.exactly_once.store_state import release, state_of
+from taskrpc.core.exactly_once.store_state import StoreState, release, state_of
 from taskrpc.core.execution.eager_start import EagerStarter
 from taskrpc.core.request_ids.ids import (
     ClientKey,
@@ -19,7 +19,7 @@ from taskrpc.core.request_ids.ids import (
     ReceivedId,
     SharedCompletionStore,
 )
-from taskrpc.core.request_ids.ledger import Ledger, Verdict
+from taskrpc.core.request_ids.ledger import ClientRecord, Ledger, Verdict
 from taskrpc.core.transport.base import IncomingCall
 from taskrpc.core.transport.codec import Codec
 from taskrpc.errors import (
@@ -84,20 +84,21 @@ class Deduplicator:
         """The store, if other servers use it too."""
         self._problem = ""
         """Why the last request could not be looked up; "" if it could."""
-        self._state = state_of(store)
+        self.state: StoreState = state_of(store)
+        """Shared with all services of the store."""
         self._starter = EagerStarter(asyncio.get_running_loop(), lambda _: None)
-        self._state.deduplicators += 1
-        self._state.open(store)
+        self.state.deduplicators += 1
+        self.state.open(store)
 
     def store_id(self) -> asyncio.Future[bytes]:
         """Return a future of the store's id; reads the store again if this has failed before."""
-        return self._state.store_id(self._store)
+        return self.state.store_id(self._store)
 
     def status(self) -> DeduplicationStatus:
         """Return the counts of requests, and what the ledger remembers."""
         from taskrpc.core.observer import DeduplicationStatus  # few programs need it
 
-        ledger = self._state.ledger
+        ledger = self.state.ledger
         verdicts = self._repeated | {Verdict.NEW: self._new}
         requests = {verdict.name.lower(): count for verdict, count in verdicts.items()}
         return DeduplicationStatus(
@@ -107,13 +108,13 @@ class Deduplicator:
     def close(self) -> None:
         """Stop using the store; `arrived` must not be called afterwards."""
         self._starter.close()
-        self._state.deduplicators -= 1
-        if not self._state.deduplicators:  # another event loop may use the store next
-            release(self._store, self._state)
+        self.state.deduplicators -= 1
+        if not self.state.deduplicators:  # another event loop may use the store next
+            release(self._store, self.state)
 
     def arrived(self, call: IncomingCall) -> None:
         """Execute, attach, answer or refuse a call."""
-        state, received, now = self._state, call.received_id, call.arrived
+        state, received, now = self.state, call.received_id, call.arrived
         if received is not None:  # without a request id, a call runs at most once
             ledger, clock = state.ledger, state.clock
             if ledger is None or clock is None:
@@ -165,35 +166,28 @@ class Deduplicator:
         """Whether connections may run the calls themselves."""
         return getattr(self._store, "completes_at_once", False) and self._shared is None
 
-    def admit(self, principal: str, received: ReceivedId, arrived: float) -> bool:
-        """Whether a request is new; it counts as running then."""
-        state = self._state
-        ledger, clock = state.ledger, state.clock
-        if ledger is None or clock is None:
-            return False
-        now = arrived + clock.offset
-        if now >= state.next_expiry or ledger.decide(principal, received, now) is not _NEW:
-            return False  # `arrived` decides it again
+    def complete(self, completion: Completion, record: ClientRecord) -> None:
+        """Store the completion of a request that the ledger has admitted."""
         self._new += 1
-        return True
-
-    def complete(self, principal: str, received: ReceivedId, body: bytes, arrived: float) -> None:
-        """Store the encoded response of an admitted request."""
-        clock = self._state.clock
-        assert clock is not None, "a request was admitted"
-        completion = received.completion(principal, body, 0, arrived + clock.offset)
         self._store.complete(completion, None)
-        self._state.stored(completion, received)
+        if more := record.enter(completion):
+            assert self.state.ledger is not None, "it has admitted the request"
+            self.state.ledger.grown(completion, record, more)
 
     def executed(self, call: IncomingCall, *, is_over: bool) -> Execution:
         """Return the execution of an admitted request; one that is over answers nobody."""
-        clock = self._state.clock
-        assert clock is not None, "a request was admitted"
-        execution = self._execution(call, call.arrived + clock.offset)
+        ledger, clock = self.state.ledger, self.state.clock
+        assert ledger is not None, "it has admitted the request"
+        assert clock is not None, "the store has been read"
+        now = call.arrived + clock.offset
+        execution = self._execution(call, now)
         execution.started = True
         if is_over:
             execution.callers, execution.is_storing = [], True
         else:
+            assert call.received_id is not None, "only requests with an id are admitted"
+            self._new += 1
+            ledger.add_running(call.principal, call.received_id, now)
             self._begin(execution, call)
         return execution
 
@@ -232,12 +226,12 @@ class Deduplicator:
         error: TaskRpcError | None = None,
     ) -> None:
         """Answer all callers: the completion is stored."""
-        self._state.end(execution, completion)
+        self.state.end(execution, completion)
         execution.answer(error)
 
     def undone(self, execution: Execution, error: TaskRpcError) -> None:
         """Answer with an error: nothing was stored, and a repetition of the request runs again."""
-        self._state.end_without_trace(execution)
+        self.state.end_without_trace(execution)
         if not execution.cancelled:
             execution.answer(error)
             return
@@ -247,14 +241,14 @@ class Deduplicator:
 
     def refused(self, execution: Execution) -> None:
         """Answer with the handler's refusal; a repetition of the request runs again."""
-        self._state.end_without_trace(execution)
+        self.state.end_without_trace(execution)
         execution.answer()
 
     def unknown(self, execution: Execution, error: OutcomeUnknown) -> None:
         """Answer with an error, and read the store again: only it knows what was stored."""
         log.error("%s: %s", execution.service, error, extra=log_fields(execution))
-        self._state.end(execution)
-        self._state.open(self._store, again=True)
+        self.state.end(execution)
+        self.state.open(self._store, again=True)
         execution.answer(OutcomeUnknown(text_for_callers(error)))
 
     async def _await_store(
@@ -348,14 +342,14 @@ class Deduplicator:
             call.fail(HandlerFailed(Code.UNAVAILABLE, text_for_callers(error)))
             return
         self._problem = ""
-        if (ledger := self._state.ledger) is not None:
+        if (ledger := self.state.ledger) is not None:
             for completion in found:
                 ledger.learn(completion)
         if not call.cancelled:
             self.arrived(call)
 
     def _expire(self, ledger: Ledger, now: float) -> None:
-        self._state.next_expiry = now + _EXPIRE_EVERY
+        self.state.next_expiry = now + _EXPIRE_EVERY
         if clients := ledger.expire(now):
             with contextlib.suppress(StopIteration):
                 self._starter.start(self._forget(clients))
@@ -368,10 +362,10 @@ class Deduplicator:
         except Exception as error:  # harmless: the next server finds them expired too
             log.warning("cannot forget clients whose lease has ended: %s", error)
             if isinstance(error, OutcomeUnknown) or not isinstance(error, TaskRpcError):
-                self._state.open(self._store, again=True)
+                self.state.open(self._store, again=True)
 
     def _wait_for_store(self, call: IncomingCall) -> None:
-        state = self._state
+        state = self.state
         state.open(self._store)  # again, if it could not be read before
 
         def ready() -> None:

@@ -7,7 +7,7 @@ import logging
 import weakref
 from collections.abc import Callable, Iterable
 
-from taskrpc.core.request_ids.ids import Completion, CompletionStore, ReceivedId
+from taskrpc.core.request_ids.ids import Completion, CompletionStore
 from taskrpc.core.request_ids.ledger import Ledger
 from taskrpc.core.transport.base import IncomingCall
 from taskrpc.core.transport.connection.deadline_timer import clock_of
@@ -107,13 +107,13 @@ class StoreState:
             else:  # it has ended before, and the ledger may have forgotten it
                 received = None
         if completion is not None:
-            self.stored(completion, received)
+            self.stored(completion)
         return received is not None
 
-    def stored(self, completion: Completion, received: ReceivedId | None) -> None:
-        """Note that a completion is stored; `received` is the id under which its request ran."""
+    def stored(self, completion: Completion) -> None:
+        """Note that a completion is stored."""
         if self.ledger is not None:
-            self.ledger.completed(completion, received)
+            self.ledger.completed(completion)
         else:
             self._completed_meanwhile.append(completion)
 

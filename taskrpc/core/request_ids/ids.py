@@ -49,6 +49,12 @@ def with_request_id(request_id: RequestId, body: bytes) -> bytes:
     return _pack(request_id.client, request_id.sequence, request_id.first_incomplete) + body
 
 
+IdentifiedMessage: TypeAlias = tuple[bytes, int, int, bytes, Body]
+"""A request of an exactly-once service: the first four fields of its `ReceivedId`, and its message.
+
+A plain tuple, because most requests need no `ReceivedId`."""
+
+
 class ReceivedId(msgspec.Struct, eq=False):
     """A request id as the server received it, with a fingerprint of the request."""
 
@@ -60,8 +66,6 @@ class ReceivedId(msgspec.Struct, eq=False):
     """Tells a repeated request from another request with the same id."""
     execution: Any = None
     """The `exactly_once.Execution` of the request while it runs, else None."""
-    client_record: Any = None
-    """The ledger's record of the client while the request runs, else None."""
     is_looked_up: bool = False
     """Whether the server has looked for it in a store that it shares with other servers."""
 
@@ -71,7 +75,7 @@ class ReceivedId(msgspec.Struct, eq=False):
         return Completion(principal, client, sequence, first, self.fingerprint, body, code, at)
 
 
-def id_splitter(service: str) -> Callable[[Body], tuple[ReceivedId, Body]]:
+def id_splitter(service: str) -> Callable[[Body], IdentifiedMessage]:
     """Return a function that splits a body of this service into the request id and the message.
 
     It raises ProtocolError for a body without a valid request id.
@@ -79,7 +83,7 @@ def id_splitter(service: str) -> Callable[[Body], tuple[ReceivedId, Body]]:
     seeded = hashlib.blake2b(service.encode() + b"\0", digest_size=16)
     tag = seeded.digest()
 
-    def split(body: Body) -> tuple[ReceivedId, Body]:
+    def split(body: Body) -> IdentifiedMessage:
         try:
             client, sequence, first_incomplete = _unpack(body)
         except struct.error:
@@ -91,10 +95,10 @@ def id_splitter(service: str) -> Callable[[Body], tuple[ReceivedId, Body]]:
             )
         message = body[_HEAD_SIZE:]
         if len(message) <= _SHORT:
-            return ReceivedId(client, sequence, first_incomplete, tag + message), message
+            return client, sequence, first_incomplete, tag + message, message
         hashing = seeded.copy()
         hashing.update(message)
-        return ReceivedId(client, sequence, first_incomplete, hashing.digest()), message
+        return client, sequence, first_incomplete, hashing.digest(), message
 
     return split
 
@@ -191,10 +195,10 @@ class RequestCounter:
         """Whether the next request needs a counter with a new client id: the server forgot this
         one, or the gap behind its first open request is too long."""
         self._next = 1
-        self._first = 1
+        self.first = 1
         """The first sequence number that is not settled."""
-        self._settled: set[int] = set()
-        """Settled sequence numbers above `_first`."""
+        self.settled: set[int] = set()
+        """Settled sequence numbers above `first`."""
 
     def take(self) -> int:
         """Return the next sequence number; call `settle` with it in the end."""
@@ -203,24 +207,24 @@ class RequestCounter:
 
     def settle(self, sequence: int) -> None:
         """Report that the caller no longer waits for the response to a request."""
-        if sequence != self._first:
-            if sequence > self._first:
-                self._settled.add(sequence)
+        if sequence != self.first:
+            if sequence > self.first:
+                self.settled.add(sequence)
             return
         sequence += 1
-        if settled := self._settled:
+        if settled := self.settled:
             while sequence in settled:
                 settled.remove(sequence)
                 sequence += 1
-        self._first = sequence
+        self.first = sequence
 
     def request_id(self, sequence: int) -> RequestId:
         """Return the id that an unsettled request carries if it is sent now."""
-        return RequestId(self.client, sequence, self._first)
+        return RequestId(self.client, sequence, self.first)
 
     def take_for(self, body: bytes) -> tuple[int, bytes]:
         """Take the next sequence number; return it, and the body with its request id in front."""
-        sequence, first = self._next, self._first
+        sequence, first = self._next, self.first
         self._next = sequence + 1
         if sequence - first >= _LONGEST_GAP:
             self.is_retired = True

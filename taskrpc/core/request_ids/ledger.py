@@ -43,7 +43,7 @@ class Verdict(Enum):
 _NEW, _STALE, _FULL = Verdict.NEW, Verdict.STALE, Verdict.FULL
 
 
-class _ClientRecord:
+class ClientRecord:
     """One client in the ledger."""
 
     __slots__ = ("first_incomplete", "placed", "requests", "used")
@@ -75,6 +75,29 @@ class _ClientRecord:
                 del known[number]
                 size += PER_REQUEST + len(found.response)
         return size
+
+    def enter(self, completion: Completion) -> int:
+        """Enter a completion; return by how many bytes the record has grown."""
+        sequence, first = completion.sequence, completion.first_incomplete
+        requests, begin = self.requests, self.first_incomplete
+        if (
+            first - begin == 1
+            and sequence not in requests
+            and (settled := requests.get(begin)).__class__ is Completion
+        ):
+            # The usual case: a plain request, and its client has settled one.
+            del requests[begin]
+            self.first_incomplete = first
+            requests[sequence] = completion
+            return len(completion.response) - len(settled.response)
+        more = -self.settle(first) if first > begin else 0
+        if sequence < self.first_incomplete:
+            return more - _size(requests.pop(sequence, None))
+        known = requests.get(sequence)
+        requests[sequence] = completion
+        if known.__class__ is ReceivedId:  # the completion takes its place
+            return more + len(completion.response)
+        return more + _size(completion) - _size(known)
 
     @property
     def size(self) -> int:
@@ -115,12 +138,13 @@ class Ledger:
     ) -> None:
         self._lease = lease
         self._memory = memory
+        self._half_memory = memory // 2
         self._open_per_client = open_per_client
         self.size = 0
         """Bytes in use."""
         self._sizes: dict[str, int] = {}
         """Bytes in use, by principal."""
-        self._clients: dict[ClientKey, _ClientRecord] = {}
+        self._clients: dict[ClientKey, ClientRecord] = {}
         """In the order in which leases end, accurate to `_REORDER_AFTER`."""
         for completion in sorted(completions, key=lambda each: each.at):
             client = (completion.principal, completion.client)
@@ -162,12 +186,32 @@ class Ledger:
             verdict = _FULL
         else:
             requests[sequence] = received
-            received.client_record = record
             size += PER_REQUEST
             size_of_principal += PER_REQUEST
         self.size = size
         sizes[principal] = size_of_principal
         return verdict
+
+    def admit(
+        self, principal: str, client: bytes, sequence: int, first_incomplete: int, now: float
+    ) -> ClientRecord | None:
+        """Return the record of the client if `decide` would certainly say NEW; else None.
+
+        Nothing counts as running then. Before the caller lets other requests be decided, it must
+        pass the completion to `ClientRecord.enter` and `grown`, or call `add_running`.
+        """
+        record = self._clients.get((principal, client))
+        if (
+            record is None
+            or first_incomplete < record.first_incomplete
+            or sequence in (requests := record.requests)
+            or len(requests) >= self._open_per_client
+            or self.size >= self._half_memory  # else every account may use more
+            or now - record.placed > _REORDER_AFTER
+        ):
+            return None
+        record.used = now
+        return record
 
     def _decide_first(self, client: ClientKey, received: ReceivedId, now: float) -> Verdict:
         """Decide about a request of a client that is not known."""
@@ -183,12 +227,10 @@ class Ledger:
     def add_running(self, principal: str, received: ReceivedId, now: float) -> None:
         """Add a running request; this ledger or an earlier one has decided NEW for it."""
         record = self._record((principal, received.client), now)
-        received.client_record = None
         if received.first_incomplete > record.first_incomplete:
             self._add_size(principal, -record.settle(received.first_incomplete))
         if received.sequence not in record.requests:
             record.requests[received.sequence] = received
-            received.client_record = record
             self._add_size(principal, PER_REQUEST)
 
     def completion(self, principal: str, received: ReceivedId) -> Completion:
@@ -212,47 +254,33 @@ class Ledger:
             if isinstance(each, ReceivedId)
         ]
 
-    def completed(self, completion: Completion, received: ReceivedId | None = None) -> None:
-        """Enter a stored completion; `received` is the id under which the request ran here."""
-        sequence = completion.sequence
-        if received is None or (record := received.client_record) is None:
-            self._enter(completion)
-            return
-        received.client_record = None
-        if sequence < record.first_incomplete:
-            self._enter(completion)
-            return
-        # The completion takes the place of the received id: only the response adds to the size.
-        record.requests[sequence] = completion
-        more = len(completion.response)
-        self.size += more
-        self._sizes[completion.principal] += more
+    def completed(self, completion: Completion) -> None:
+        """Enter a stored completion."""
+        client = principal, _ = completion.principal, completion.client
+        record = self._clients.get(client) or self._record(client, completion.at)
+        if more := record.enter(completion):
+            self.size += more
+            self._sizes[principal] += more
+
+    def grown(self, completion: Completion, record: ClientRecord, more: int) -> None:
+        """Count the bytes by which a record of `admit` has grown through this completion."""
+        client = principal, _ = completion.principal, completion.client
+        if self._clients.get(client) is record:
+            self.size += more
+            self._sizes[principal] += more
+        else:  # forgotten meanwhile: the callback has ended the only running request
+            self.completed(completion)
 
     def learn(self, completion: Completion) -> None:
         """Enter a completion that another server has stored, unless its request runs here."""
         record = self._clients.get((completion.principal, completion.client))
         running = None if record is None else record.requests.get(completion.sequence)
         if not isinstance(running, ReceivedId):
-            self._enter(completion)
-
-    def _enter(self, completion: Completion) -> None:
-        principal, sequence = completion.principal, completion.sequence
-        record = self._record((principal, completion.client), completion.at)
-        more, requests = 0, record.requests
-        if completion.first_incomplete > record.first_incomplete:
-            more = -record.settle(completion.first_incomplete)
-        if sequence >= record.first_incomplete:
-            more += _size(completion) - _size(requests.get(sequence))
-            requests[sequence] = completion
-        else:
-            more -= _size(requests.pop(sequence, None))
-        self.size += more
-        self._sizes[principal] += more
+            self.completed(completion)
 
     def abandoned(self, principal: str, received: ReceivedId) -> None:
         """Forget a request that did not run after all: its repetition is new."""
         client = (principal, received.client)
-        received.client_record = None
         record = self._clients.get(client)
         if record is not None:
             if record.requests.get(received.sequence) is received:
@@ -273,14 +301,14 @@ class Ledger:
             self._forget(client)
         return ended
 
-    def _record(self, client: ClientKey, now: float) -> _ClientRecord:
+    def _record(self, client: ClientKey, now: float) -> ClientRecord:
         record = self._clients.get(client)
         if record is None:
-            record = self._clients[client] = _ClientRecord(now)
+            record = self._clients[client] = ClientRecord(now)
             self._add_size(client[0], PER_CLIENT)
         return record
 
-    def _place_last(self, client: ClientKey, record: _ClientRecord) -> None:
+    def _place_last(self, client: ClientKey, record: ClientRecord) -> None:
         del self._clients[client]
         self._clients[client] = record
         record.placed = record.used

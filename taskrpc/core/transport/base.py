@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 import msgspec
 
 from taskrpc.core.callinfo import CallInfo
-from taskrpc.core.request_ids.ids import ReceivedId
+from taskrpc.core.request_ids.ids import Completion, ReceivedId
 from taskrpc.core.security.roles import Role
 from taskrpc.core.transport.codec import ServiceType
 from taskrpc.core.transport.discovery.entries import RegistryEntry
@@ -24,6 +24,7 @@ from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
     from taskrpc.core.observer import Observer
+    from taskrpc.core.request_ids.ledger import ClientRecord, Ledger
     from taskrpc.core.wire.statistics import Statistics
 
 DEFAULT_TIMEOUT = 10.0
@@ -139,17 +140,46 @@ GoOn: TypeAlias = Callable[[IncomingCall, Any, float], object]
 """Goes on with a call: with what came of its callback, and the instant at which it began."""
 
 
+class StoreClock(Protocol):
+    """The clock by which the leases of a store's clients end."""
+
+    @property
+    def offset(self) -> float:
+        """The offset from the loop's clock."""
+
+
+class PlainStore(Protocol):
+    """The state of a store that completes requests at once."""
+
+    @property
+    def ledger(self) -> Ledger | None:
+        """Admits requests; None while the store is being read."""
+
+    @property
+    def clock(self) -> StoreClock | None:
+        """None until the store has been read for the first time."""
+
+    @property
+    def next_expiry(self) -> float:
+        """The instant on the clock from which the general path must look for ended leases."""
+
+
 class PlainOnce(Protocol):
     """What makes a service exactly-once, if its store completes requests at once."""
 
-    def admit(self, principal: str, received: ReceivedId, arrived: float) -> bool:
-        """Whether the request is new; if so, it counts as running, and the callback must run."""
+    @property
+    def state(self) -> PlainStore:
+        """Its ledger admits requests. For an admitted request, `complete` or `executed` must
+        follow before control returns to the event loop."""
 
-    def complete(self, principal: str, received: ReceivedId, body: bytes, arrived: float) -> None:
-        """Store the encoded response of an admitted request, which has ended."""
+    def complete(self, completion: Completion, record: ClientRecord) -> None:
+        """Store the completion of an admitted request; its client has this record."""
 
     def executed(self, call: IncomingCall, *, is_over: bool) -> IncomingCall:
-        """Return the execution of an admitted request, which answers this call at its end."""
+        """Return the execution of an admitted request, which answers this call at its end.
+
+        Unless the request `is_over`, it counts as running.
+        """
 
 
 class PlainService(msgspec.Struct, eq=False, kw_only=True):

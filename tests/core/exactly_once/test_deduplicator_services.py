@@ -698,7 +698,7 @@ async def test_service_that_is_destroyed_twice_does_not_release_the_store_of_ano
         async with taskrpc.Node("second", transport="memory", token="2") as second:
             double = second.create_service(Add, "double", lab.counter, exactly_once=store)
             double.destroy()  # and its node follows at once
-        assert state_of(store) is lab.service._deduplicator._state
+        assert state_of(store) is lab.service._deduplicator.state
         await lab.client.call(Add.Request(a=1))
     await turns()
     assert not caplog.records
@@ -763,7 +763,7 @@ class Clock:
     """Stands in for a store's `LeaseClock`."""
 
     def __init__(self, lab):
-        lab.service._deduplicator._state.clock = self
+        lab.service._deduplicator.state.clock = self
         self.seconds = 1000.0
 
     @property
@@ -852,7 +852,7 @@ async def test_clock_that_is_set_back_does_not_let_a_request_be_repeated_for_lon
 
 async def test_full_ledger_accepts_requests_again_when_leases_end():
     async with Lab(Store(), Counter()) as lab:
-        lab.service._deduplicator._state.ledger = Ledger(memory=3000)
+        lab.service._deduplicator.state.ledger = Ledger(memory=3000)
         clock = Clock(lab)
         await lab.client.call(Add.Request(a=1), request_id="one")
         await lab.client.call(Add.Request(a=1), request_id="two")

@@ -38,7 +38,7 @@ class Machine:
         verdict = self.ledger.decide("", received, self.now())
         if verdict is Verdict.NEW:
             done = Completion("", client, 1, 1, b"", b"", 0, self.now())
-            self.ledger.completed(done, received)
+            self.ledger.completed(done)
             self.stored.append(done)
         return verdict
 

@@ -7,6 +7,7 @@ from msgspec.structs import replace
 
 from taskrpc.core.request_ids.ids import (
     Completion,
+    ReceivedId,
     RequestCounter,
     RequestId,
     id_splitter,
@@ -21,7 +22,7 @@ cut_off = id_splitter("/add")
 
 def claim(number, message=b"one"):
     """The received id of a request."""
-    return cut_off(with_request_id(number, message))[0]
+    return ReceivedId(*cut_off(with_request_id(number, message))[:4])
 
 
 def send(ledger, number, message=b"one", *, principal="", now=0.0):
@@ -292,28 +293,73 @@ def test_memory_of_an_account_counts_after_a_restart_until_its_lease_ends():
     assert send(ledger, RequestId(ME, 1, 1), principal="ada", now=10.0) is Verdict.NEW
 
 
-steps = st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 2), st.binary(max_size=3))
+steps = st.tuples(
+    st.integers(0, 3),
+    st.integers(-1, 3),
+    st.booleans(),
+    st.integers(0, 2),
+    st.binary(max_size=400),
+    st.sampled_from([0.0, 1.0, 61.0]),
+)
 
 
-@settings(max_examples=examples(200))
-@given(work=st.lists(steps, max_size=30))
-def test_completion_has_the_same_effects_with_and_without_the_received_id(work):
-    quick, plain = Ledger(open_per_client=4), Ledger(open_per_client=4)
-    running, first = [], 1
-    for ahead, settled, ended, answer in work:
-        first += settled
+@settings(max_examples=examples(300))
+@given(work=st.lists(steps, max_size=30), memory=st.sampled_from([4_000, 2**20]))
+def test_admitted_request_has_the_same_effects_as_one_that_was_decided(work, memory):
+    quick, plain = [Ledger(open_per_client=4, memory=memory) for _ in range(2)]
+    running, first, now = [], 1, 0.0
+    for ahead, settled, ends_at_once, ended, answer, passed in work:
+        first, now = max(1, first + settled), now + passed
         number = RequestId(ME, first + ahead, first)
-        claims = claim(number), claim(number)
-        verdict = quick.decide("", claims[0], 0.0)
-        assert plain.decide("", claims[1], 0.0) is verdict
-        if verdict is Verdict.NEW:
-            running.append((number, claims[0]))
-        for _ in range(min(ended, len(running))):
-            number, came = running.pop()
-            done = completion(number, answer=answer)
-            quick.completed(done, came)
+        parts = cut_off(with_request_id(number, b"one"))
+        record = quick.admit("", ME, number.sequence, first, now)
+        if record is not None:
+            assert plain.decide("", ReceivedId(*parts[:4]), now) is Verdict.NEW
+        if record is not None and ends_at_once:
+            done = completion(number, answer=answer, at=now)
+            quick.grown(done, record, record.enter(done))
             plain.completed(done)
-        assert (quick.size, quick._sizes) == (plain.size, plain._sizes)
+        else:
+            verdict = Verdict.NEW
+            if record is not None:
+                quick.add_running("", ReceivedId(*parts[:4]), now)
+            else:
+                verdict = quick.decide("", ReceivedId(*parts[:4]), now)
+                assert plain.decide("", ReceivedId(*parts[:4]), now) is verdict
+            if verdict is Verdict.NEW:
+                running.append(number)
+        for _ in range(min(ended, len(running))):
+            done = completion(running.pop(), answer=answer, at=now)
+            quick.completed(done)
+            plain.completed(done)
+        assert contents(quick) == contents(plain)
+
+
+def contents(ledger):
+    """What a ledger remembers."""
+    clients = {
+        client: (each.first_incomplete, each.used, each.placed, each.is_idle, set(each.requests))
+        for client, each in ledger._clients.items()
+    }
+    return ledger.size, ledger._sizes, list(clients.items())
+
+
+def test_admitted_request_is_remembered_if_its_client_is_forgotten_meanwhile():
+    ledger, first, second = Ledger(), RequestId(ME, 1, 1), RequestId(ME, 2, 1)
+    refused = claim(first)
+    ledger.decide("", refused, 0.0)
+    record = ledger.admit("", ME, 2, 1, 0.0)
+    ledger.abandoned("", refused)
+    done = completion(second, answer=b"42")
+    ledger.grown(done, record, record.enter(done))
+    assert send(ledger, second) is Verdict.DONE
+    assert ledger.size == Ledger([done]).size
+
+
+def test_request_is_not_admitted_before_its_client_is_known():
+    ledger = Ledger()
+    assert ledger.admit("", ME, 1, 1, 0.0) is None
+    assert len(ledger) == 0
 
 
 def test_request_that_ends_in_the_next_ledger_is_done_there():
@@ -323,7 +369,7 @@ def test_request_that_ends_in_the_next_ledger_is_done_there():
     after = Ledger()
     after.add_running("", came, 0.0)
     done = completion(number, answer=b"42")
-    after.completed(done, came)
+    after.completed(done)
     assert send(before, number) is Verdict.ATTACH
     assert send(after, number) is Verdict.DONE
     assert after.size == Ledger([done]).size
@@ -335,7 +381,7 @@ def test_request_that_was_stored_before_its_ledger_was_read_is_done_once():
     Ledger().decide("", came, 0.0)
     after = Ledger([done])
     after.add_running("", came, 0.0)
-    after.completed(done, came)
+    after.completed(done)
     assert send(after, number) is Verdict.DONE
     assert after.size == Ledger([done]).size
 

@@ -11,7 +11,7 @@ import msgspec
 
 from srvgen import excepthook
 from taskrpc.core.callinfo import CallInfo, log_fields
-from taskrpc.core.request_ids.ids import ReceivedId, id_splitter
+from taskrpc.core.request_ids.ids import IdentifiedMessage, id_splitter
 from taskrpc.core.security.roles import Role
 from taskrpc.core.transport.base import CallNumbers, IncomingCall, Mode, Offer
 from taskrpc.core.transport.codec import codec_of
@@ -176,7 +176,7 @@ class Route(msgspec.Struct, frozen=True, eq=False):
     encode: Callable[[Any], bytes]
     call: type[RemoteCall]
     """The class of calls: `ObservedCall` if the service has an observer."""
-    split_id: Callable[[Body], tuple[ReceivedId, Body]]
+    split_id: Callable[[Body], IdentifiedMessage]
     """Splits a body into its request id and the message."""
 
 

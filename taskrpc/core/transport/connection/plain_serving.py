@@ -8,7 +8,8 @@ A request is plain if all of this holds:
 
 1. The route has no observer and no faults, DEBUG logging is off, and the service is not threaded.
    If it is exactly-once, its store completes requests at once. This is decided once for each route.
-2. The request has no trace span. It has a request id if the service is exactly-once, and is new.
+2. The request has no trace span. It has a request id if the service is exactly-once, and its
+   store's ledger admits it: it is certainly new.
 3. The service is still offered, may run one more call, and no call waits for it.
 4. The caller reads its responses, and backpressure is not active.
 5. The body is valid, and the caller's role is sufficient. The deadline has not passed.
@@ -29,7 +30,7 @@ from typing import Any, Protocol
 import msgspec
 
 from taskrpc.core.callinfo import answering
-from taskrpc.core.request_ids.ids import ReceivedId
+from taskrpc.core.request_ids.ids import Completion, ReceivedId
 from taskrpc.core.transport.base import CallNumbers, IncomingCall, Offer, PlainService
 from taskrpc.core.transport.codec import pack
 from taskrpc.core.transport.connection.incoming_call import RemoteCall, Route
@@ -91,8 +92,8 @@ class PlainCall(msgspec.Struct, eq=False):
     arrived: float
     size: int
     """Bytes of the request."""
-    received: ReceivedId | None = None
-    """The request id, if the service is exactly-once."""
+    body: bytes
+    """The request with its id, if it has one; empty once there is a record."""
     call: IncomingCall | None = None
     """The record, once the callback or the service has asked for it."""
     ended: bool = False
@@ -102,27 +103,26 @@ class PlainCall(msgspec.Struct, eq=False):
         """Return the record; the call is in flight from now on."""
         if self.call is None:
             connection, call_id, left = self.connection, self.call_id, self.time_left
-            route, received = self.route, self.received
+            route, received = self.route, None
+            service = route.offer.plain
+            assert service is not None, "the route has a plain path"
+            once = service.once
+            if once is not None:
+                client, sequence, first, fingerprint, _ = route.split_id(self.body)
+                received = ReceivedId(client, sequence, first, fingerprint)
+            self.body = b""
             call = connection.made_call(
                 route, call_id, left, self.request, self.number, self.arrived, received
             )
             self.call = call
-            if received is None:
+            if once is None:
                 call.started = True
             else:
-                once = _service_of(route).once
-                assert once is not None, "the request was admitted"
                 self.call = once.executed(call, is_over=self.ended)
             if not self.ended:
                 session, handle = connection.session, route.handle
                 session.accept(call_id, handle, 0, left, b"", self.size).ticket = call
         return self.call
-
-
-def _service_of(route: Route) -> PlainService:
-    service = route.offer.plain
-    assert service is not None, "the route has a plain path"
-    return service
 
 
 def answer_of(connection: PlainConnection, route: Route) -> Answer:
@@ -148,17 +148,17 @@ def _plain(  # noqa: PLR0915 (a function for each part would cost a tenth of a c
     session, server, backpressure = connection.session, connection.server, connection.backpressure
     offers, numbers, now = server.offers, server.call_numbers, server.now
     handle, method, waiting = route.handle, route.method, service.waiting
-    decode = route.decode
+    decode, principal = route.decode, connection.principal
     callback, response_class, once = service.callback, service.response, service.once
     flags_of_route, split_id = 0 if once is None else int(Flag.EXACTLY_ONCE), route.split_id
     set_answering, reset_answering = answering.set, answering.reset
     limit = min(session.body_limit, LARGE - 1)
 
-    def answer(  # noqa: PLR0912 (runs for each call)
+    def answer(  # noqa: PLR0912, PLR0915 (runs for each call)
         call_id: int, flags: int, time_left: int, body: bytes, size: int
     ) -> tuple[bytes, int, int] | None:
         arrived, began = connection.read_at, connection.clock_at
-        request = received = None
+        request = record = None
         if (
             flags == flags_of_route
             and service.running < service.concurrency
@@ -172,10 +172,18 @@ def _plain(  # noqa: PLR0915 (a function for each part would cost a tenth of a c
                 if once is None:
                     request = decode(body)
                 else:
-                    received, message = split_id(body)
-                    request = decode(message)
-                    if not once.admit(connection.principal, received, arrived):
-                        request = None  # decided again: it is no new request
+                    client, sequence, first, fingerprint, message = split_id(body)
+                    state = once.state
+                    ledger, clock = state.ledger, state.clock
+                    if (
+                        ledger is not None
+                        and clock is not None
+                        and (at := arrived + clock.offset) < state.next_expiry
+                    ):
+                        request = decode(message)
+                        record = ledger.admit(principal, client, sequence, first, at)
+                        if record is None:
+                            request = None  # the general path decides: it may be no new request
             except (InvalidRequest, PermissionDenied, ProtocolError):
                 request = None  # decoded again, to report the error
         if request is None:
@@ -185,7 +193,7 @@ def _plain(  # noqa: PLR0915 (a function for each part would cost a tenth of a c
         service.running += 1
         numbers.last = number = numbers.last + 1
         call = PlainCall(
-            connection, route, call_id, time_left, request, number, arrived, size, received
+            connection, route, call_id, time_left, request, number, arrived, size, body
         )
         encoded, go_on = None, service.returned
         token = set_answering(call)
@@ -206,8 +214,11 @@ def _plain(  # noqa: PLR0915 (a function for each part would cost a tenth of a c
                 go_on(call.made(), response, began)
                 connection.clock_at = now()
                 return None
-            if once is not None and received is not None:
-                once.complete(connection.principal, received, encoded, arrived)
+            if record is not None and once is not None:
+                completion = Completion(
+                    principal, client, sequence, first, fingerprint, encoded, 0, at
+                )
+                once.complete(completion, record)
             call.ended = True
             connection.clock_at = ended = now()
             if ended - began > service.holds_after:

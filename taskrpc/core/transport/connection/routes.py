@@ -110,7 +110,8 @@ def read_request(route: Route, event: RequestReceived) -> tuple[object, Received
     if event.flags & _TRACED:
         event.span, event.body = cut_span(event.body)
     if event.flags & _EXACTLY_ONCE:
-        received_id, event.body = route.split_id(event.body)
+        client, sequence, first, fingerprint, event.body = route.split_id(event.body)
+        received_id = ReceivedId(client, sequence, first, fingerprint)
     return route.decode(event.body), received_id
 
 

@@ -17,6 +17,7 @@ import taskrpc
 from taskrpc.core.exactly_once import Deduplicator
 from taskrpc.core.exactly_once.store_state import state_of
 from taskrpc.core.request_ids.ids import RequestId, with_request_id
+from taskrpc.core.request_ids.ledger import Ledger
 from taskrpc.core.transport.codec import codec_of
 from taskrpc.core.transport.connection import plain_serving
 from taskrpc.core.transport.limits.quotas import FairQuota
@@ -412,7 +413,8 @@ async def played(batches):
         statuses = [(each.name, each.running, each.waiting) for each in node.status().services]
         state_of_store = (
             server.store._index.all(),
-            node.status().services[-1].once,
+            [each.once for each in node.status().services],
+            state_of(server.store).next_expiry,
             [
                 (client, record.used, record.placed, record.first_incomplete, list(record.requests))
                 for client, record in state_of(server.store).ledger._clients.items()
@@ -475,8 +477,8 @@ def call(name, left=NO_DEADLINE, bits=0, step=1, body=None):
     return "call", name, body, left, bits, step
 
 
-def once(name, sequence, first=1, left=NO_DEADLINE, body=REQUEST):
-    return "once", name, left, b"c" * 16, sequence, first, body
+def once(name, sequence, first=1, left=NO_DEADLINE, body=REQUEST, client=b"c" * 16):
+    return "once", name, left, client, sequence, first, body
 
 
 FIRST = once("once", 1)
@@ -535,6 +537,11 @@ SCENARIOS = [
         )
     ],
     [([FIRST, once("once_task", 2), once("once", 3), ("time", 0.0)], [])],
+    # It is time to look for ended leases again, and the client is active.
+    [
+        ([FIRST, ("time", 40.0), once("once", 1, client=b"d" * 16)], []),
+        ([("time", 30.0), once("once", 2, client=b"d" * 16)], []),
+    ],
     [([FIRST, once("once_wait", 2, left=5), ("time", 0.3), once("once_wait", 2)], [])],
     [([FIRST, once("once_wait", 2), ("cancel", 1), ("time", 0.3), once("once", 2)], [])],
     [([FIRST, call("once"), once("once", 2), call("once"), once("once_ask", 3)], [])],
@@ -550,8 +557,10 @@ def test_plain_path_has_the_results_of_the_general_path_in_rare_cases(scenario):
 
 PLAIN = [
     ("flags == flags_of_route", "True"),
-    ("once.complete(connection.principal, received, encoded, arrived)", "pass"),
-    ("not once.admit(connection.principal, received, arrived)", "False"),
+    ("once.complete(completion, record)", "pass"),
+    ("arrived + clock.offset", "arrived"),
+    ("(at := arrived + clock.offset) < state.next_expiry", "(at := arrived + clock.offset)"),
+    ("if record is None:", "if False:"),
     ("service.running < service.concurrency", "True"),
     ("not waiting.count", "True"),
     ("and method in offers", "and True"),
@@ -588,12 +597,16 @@ SERVING = [
 DIFFERENCES = [
     *((plain_serving, "_plain", *texts) for texts in PLAIN),
     *((Session, "serve", *texts) for texts in SERVING),
-    (Deduplicator, "admit", "self._new += 1", "pass"),
-    (Deduplicator, "admit", "arrived + clock.offset", "arrived"),
-    (Deduplicator, "complete", "arrived + clock.offset", "arrived"),
+    (Deduplicator, "complete", "self._new += 1", "pass"),
+    (Deduplicator, "executed", "self._new += 1", "pass"),
     (Deduplicator, "complete", "self._store.complete(completion, None)", "pass"),
-    (Deduplicator, "complete", "self._state.stored(completion, received)", "pass"),
+    (Deduplicator, "complete", "more := record.enter(completion)", "record.enter(completion)"),
+    (Deduplicator, "complete", "more := record.enter(completion)", "more := 0"),
     (Deduplicator, "executed", "execution.started = True", "pass"),
+    (Deduplicator, "executed", "ledger.add_running(call.principal, call.received_id, now)", "pass"),
+    (Ledger, "admit", "first_incomplete < record.first_incomplete", "False"),
+    (Ledger, "admit", "sequence in (requests := record.requests)", "(requests := None)"),
+    (Ledger, "admit", "record.used = now", "pass"),
     (Session, "accept", "self.bytes_in_flight += size", "pass"),
 ]
 
