@@ -26,6 +26,7 @@ MAY_DRAW = {
     "taskrpc/testing/faulty_connections.py": "the faults of a network have a seed of their own",
     "taskrpc/robot/fleet/postgres_store.py": "a real database, which virtual time cannot replace",
     "taskrpc/core/transport/tcp/tcp_network.py": "the secret of a program on a real network",
+    "taskrpc/course/scenes/programs/": "programs as students write them",
     "taskrpc/simulation/": "all chance of a simulation follows from its seed",
     "taskrpc/middleware/ros/ros_engine.py": "a real middleware",
     "taskrpc/middleware/zenoh/services.py": "a real middleware",
