@@ -54,11 +54,11 @@ def test_no_slide_shows_the_answer_with_its_question():
     found = {slide.partition("\n")[0]: answered(slide) for slide in slides}
     assert {title: text for title, text in found.items() if text} == {}
     scenes = [slide for slide in slides if slide.startswith("Scene: ") and "![" not in slide]
-    assert len(scenes) == 6
+    assert len(scenes) == 7
     assert [each for each in scenes if not each.rstrip().endswith("?")] == []
     titles = [slide.partition("\n")[0] for slide in slides]
     answers = [i for i, title in enumerate(titles) if title.startswith("Answer: ")]
-    assert len(answers) == 9
+    assert len(answers) == 10
     for i in answers:
         topic = titles[i].removeprefix("Answer: ")
         assert titles[i - 1].removeprefix("Scene: ").rstrip("?").lower() == topic.lower()
