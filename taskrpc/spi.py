@@ -133,7 +133,7 @@ if TYPE_CHECKING:
     from taskrpc.core.wire.topics import qos_mismatch_text
     from taskrpc.sync.loop_thread import LoopThread
     from taskrpc.testing.fault_specs import Fault, FaultKind
-    from taskrpc.testing.faulty_connections import NetworkFaults
+    from taskrpc.testing.faulty_connections import FaultyConnection, NetworkFaults
 
 _HOMES = {
     "actions.goals": "GoalLedger GoalRecord goals_to_cancel",
@@ -203,7 +203,7 @@ _HOMES = {
     "core.wire.topics": "qos_mismatch_text",
     "sync.loop_thread": "LoopThread",
     "testing.fault_specs": "Fault FaultKind",
-    "testing.faulty_connections": "NetworkFaults",
+    "testing.faulty_connections": "FaultyConnection NetworkFaults",
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names.split()}
 
@@ -240,6 +240,7 @@ __all__ = [
     "Factory",
     "Fault",
     "FaultKind",
+    "FaultyConnection",
     "FileInUse",
     "ForeignServer",
     "GoalEvent",

@@ -42,6 +42,8 @@ class Faults(msgspec.Struct, frozen=True):
     delay: tuple[float, float] = (0.0, 0.0)
     """The least and the most seconds that a request, a response or a message takes. While two
     programs connect, it is at most half a second."""
+    cut: float = 0.0
+    """The share of the connections that break at some time, 0 to 1. The programs connect again."""
     partition: tuple[float, float] | None = None
     """The least and the most seconds for which two programs cannot reach each other, at a moment
     of the run; None: never."""
@@ -53,6 +55,9 @@ class Faults(msgspec.Struct, frozen=True):
     """The programs that may be killed."""
     restart: tuple[float, float] | None = None
     """The least and the most seconds until a killed program starts again; None: never."""
+    until: float = math.inf
+    """The virtual seconds after which no fault happens any more, so that a check can say that
+    everything works again. Wrong clocks stay wrong, and slow programs slow."""
 
 
 class Scenario:
@@ -92,11 +97,13 @@ class Scenario:
         reorder_requests: float = 0.0,
         busy: float = 0.0,
         delay: tuple[float, float] = (0.0, 0.0),
+        cut: float = 0.0,
         partition: tuple[float, float] | None = None,
         slow: Sequence[str] = (),
         wrong_clock: Sequence[str] = (),
         crash: Sequence[str] = (),
         restart: tuple[float, float] | None = None,
+        until: float | None = None,
     ) -> None:
         """Say which faults may happen; see `Faults`. Add the programs before."""
         if restart is not None and not crash:
@@ -108,11 +115,13 @@ class Scenario:
             reorder_requests=_share("reorder_requests", reorder_requests),
             busy=_share("busy", busy),
             delay=_range("delay", delay),
+            cut=_share("cut", cut),
             partition=None if partition is None else _range("partition", partition),
             slow=self._names("slow", slow),
             wrong_clock=self._names("wrong_clock", wrong_clock),
             crash=self._names("crash", crash),
             restart=None if restart is None else _range("restart", restart),
+            until=math.inf if until is None else _seconds("until", until),
         )
 
     def _names(self, what: str, names: Sequence[str]) -> tuple[str, ...]:

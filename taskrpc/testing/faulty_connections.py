@@ -107,9 +107,13 @@ class NetworkFaults:
             begin += size
         return found
 
-    def lifetime(self) -> float:
+    def lifetime(self, connection: FaultyConnection) -> float:
         """Return after how many bytes to cut a new connection."""
         return self._random.expovariate(1 / self._cut_after) if self._cut_after else math.inf
+
+    def was_cut(self, connection: FaultyConnection) -> None:
+        """Note that a connection was cut."""
+        self.happened["cuts"] += 1
 
 
 def _run_on(
@@ -317,7 +321,7 @@ class FaultyConnection:
         self.faults = faults
         self.caller, self.called = caller, called
         self.is_cut = False
-        self._bytes_left = faults.lifetime()
+        self._bytes_left = faults.lifetime(self)
         self._ends = (client, server)
         client.peer, server.peer = server, client
         client.incoming = Direction(self, called, caller, client)
@@ -327,6 +331,10 @@ class FaultyConnection:
     def is_silent(self) -> bool:
         """Whether no acknowledgement can arrive, because one direction is silent."""
         return any(end.incoming.is_silent for end in self._ends)
+
+    def spare(self) -> None:
+        """Do not cut the connection any more."""
+        self._bytes_left = math.inf
 
     def spend(self, count: int) -> int:
         """Return how many of `count` bytes still pass."""
@@ -338,7 +346,7 @@ class FaultyConnection:
         """Let both ends lose the connection."""
         if not self.is_cut:
             self.is_cut = True
-            self.faults.happened["cuts"] += 1
+            self.faults.was_cut(self)
             for end in self._ends:
                 end.incoming.cut(keep=keep)
 

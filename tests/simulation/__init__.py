@@ -1,1 +1,1 @@
-"""Simulates the whole system in one process, on virtual time, from one seed."""
+"""Tests of `taskrpc simulate`; `task_server` is a scenario of the whole task server with faults."""

@@ -30,9 +30,16 @@ def test_without_faults_none_happens(scenario):
 
 
 def test_faults_are_kept(scenario):
-    scenario.faults(lose_requests=1, delay=(0, 0.2), crash="robot", restart=[1, 2])
+    scenario.faults(
+        lose_requests=1, delay=(0, 0.2), cut=0.5, crash="robot", restart=[1, 2], until=9
+    )
     assert scenario.fault_settings == Faults(
-        lose_requests=1.0, delay=(0.0, 0.2), crash=("robot",), restart=(1.0, 2.0)
+        lose_requests=1.0,
+        delay=(0.0, 0.2),
+        cut=0.5,
+        crash=("robot",),
+        restart=(1.0, 2.0),
+        until=9.0,
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import TYPE_CHECKING
 
-from taskrpc.errors import Code, NameInUse, OutcomeUnknown, StoreError
+from taskrpc.errors import Code, OutcomeUnknown, StoreError
 from taskrpc.node import Node
 from taskrpc.robot.protocol import Robot
 from taskrpc.robot.tasks.manager import TaskManager, TaskSettings
@@ -89,7 +89,7 @@ class TaskServer(OfferedTasks):
         opened = not fresh and self._open_store()
         try:
             return await super().start(fresh=fresh)
-        except NameInUse:
+        except BaseException:
             if opened:
                 await self._store.close()
             raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime as datetimes
+import importlib
 import os
 import random
 import select
@@ -18,6 +19,10 @@ POLLS: Final = 1000
 
 READS_A_CLOCK: Final = "_read"
 """The name of the function in which such a stack lets others run."""
+
+_NEED_REAL_DATES: Final = ("taskrpc.core.security.account_file",)
+"""Modules with a `msgspec.Struct` that has a field for a `datetime`, for which msgspec accepts only
+the real class."""
 
 
 class Source(Protocol):
@@ -99,6 +104,8 @@ class Clocks:
         return 1000.0 + stacks.now
 
     def _install_dates(self) -> None:
+        for name in _NEED_REAL_DATES:
+            importlib.import_module(name)
         real: Any = datetimes.datetime
 
         class Meta(type):

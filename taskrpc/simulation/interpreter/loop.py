@@ -58,10 +58,6 @@ class SimulatedLoop(asyncio.BaseEventLoop):
         """The virtual time in seconds."""
         return self._stacks.now
 
-    def time_of_day(self) -> float:
-        """The virtual time of day, in seconds since 1970."""
-        return FIRST_DAY + self._stacks.now
-
     def call_soon(
         self,
         callback: Callable[[Unpack[_Arguments]], object],

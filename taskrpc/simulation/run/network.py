@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import math
 import random
+from collections.abc import Callable
 
 from taskrpc.simulation.run.choices import Choices
-from taskrpc.spi import Hub, MemoryNetwork, NetworkFaults, Settings, current_program
+from taskrpc.spi import (
+    FaultyConnection,
+    Hub,
+    MemoryNetwork,
+    NetworkFaults,
+    Settings,
+    current_program,
+)
 
 
 def open_network(settings: Settings) -> MemoryNetwork:
@@ -22,16 +31,37 @@ _FIRST = 4
 """With so many pieces in each direction two programs connect, and look up a service."""
 _LONGEST_FIRST = 0.5
 """The most seconds that each of these takes: with more, no two programs could connect in time."""
+_BREAKS_AFTER = 4000.0
+"""The average number of bytes after which a connection breaks that does not last."""
 
 
 class RunNetwork(NetworkFaults):
-    """The connections of one run; what they do follows from its choices."""
+    """The connections of one run; what they do follows from its choices.
 
-    def __init__(self, choices: Choices, delay: tuple[float, float]) -> None:
+    Args:
+        choices: all chance of the run.
+        delay: the least and the most seconds that bytes take.
+        cut: the share of the connections that break.
+        tell: is called with a fault that has happened and the program that it concerns.
+    """
+
+    def __init__(
+        self,
+        choices: Choices,
+        delay: tuple[float, float],
+        cut: float,
+        tell: Callable[[str, str], object],
+    ) -> None:
         super().__init__(0, delay=delay, pieces=0, cut_after=0.0, refuse=0.0, dead_after=None)
         self._choices = choices
         self._range = delay
+        self._cut = cut
+        self._tell = tell
         self._counts: dict[tuple[str, str], int] = {}
+        self._connected: dict[tuple[str, str], int] = {}
+        """How often two programs have connected."""
+        self._doomed: dict[FaultyConnection, str] = {}
+        """The names of the faults that connections may meet."""
         self.is_calm = False
         """Whether faults are off."""
 
@@ -44,6 +74,26 @@ class RunNetwork(NetworkFaults):
         if count <= _FIRST:
             least, most = min(least, _LONGEST_FIRST), min(most, _LONGEST_FIRST)
         return self._choices.seconds(f"delay {count} {source} {target}", least, most)
+
+    def calm_down(self) -> None:
+        """End all faults."""
+        self.is_calm = True
+        for connection in self.connections:
+            connection.spare()
+
+    def lifetime(self, connection: FaultyConnection) -> float:
+        """Return after how many bytes a new connection breaks."""
+        ends = connection.caller, connection.called
+        count = self._connected[ends] = self._connected.get(ends, 0) + 1
+        name = f"cut connection {count} of {ends[0]} with {ends[1]}"
+        if self.is_calm or not self._choices.happens(name, self._cut):
+            return math.inf
+        self._doomed[connection] = name
+        return self._choices.chance(f"when to {name}").expovariate(1 / _BREAKS_AFTER)
+
+    def was_cut(self, connection: FaultyConnection) -> None:
+        """Note that a connection has broken."""
+        self._tell(self._doomed[connection], connection.caller.partition("#")[0])
 
 
 class Hubs(dict[int, Hub]):

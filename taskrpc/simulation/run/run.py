@@ -139,7 +139,8 @@ class Run:
         self._sources = sources
         self._choices = choices
         self._tells = tells
-        self._network = RunNetwork(choices, scenario.fault_settings.delay)
+        faults = scenario.fault_settings
+        self._network = RunNetwork(choices, faults.delay, faults.cut, self.fault)
         self.hubs: dict[int, Hub] = Hubs(self.chance, self._network)
         self._world = SimulatedWorld(self)
         self._visible = 0
@@ -419,7 +420,8 @@ class Run:
 
     def _next_change(self, until: float) -> float:
         """Return when the run itself must do something."""
-        moments = [until, *self._partition, *(when for when, _, _ in self._coming)]
+        calm = self._scenario.fault_settings.until
+        moments = [until, calm, *self._partition, *(when for when, _, _ in self._coming)]
         return min((each for each in moments if each > self.now), default=until)
 
     def _advance(self, until: float) -> None:
@@ -427,6 +429,8 @@ class Run:
         stacks = self._stacks
         while self.failure is None and self.now < until:
             self._start_due()
+            if not self.is_calm and self.now >= self._scenario.fault_settings.until:
+                self._network.calm_down()
             self._keep_apart()
             change = self._next_change(until)
             end = min(until, change)
@@ -461,7 +465,8 @@ class Run:
             self.fault(f"slow {name}", name)
         if name in settings.wrong_clock and self._choices.happens(f"wrong clock {name}", 0.5):
             chance = self._choices.chance(f"clock of {process.id}")
-            process.clock = WrongClock(chance.expovariate(0.3), chance.choice((*_WRONG, None)))
+            since = min(chance.expovariate(0.3), settings.until)
+            process.clock = WrongClock(since, chance.choice((*_WRONG, None)))
             self.fault(f"wrong clock {name}", name)
             self.note("fault", f"the time of day {process.clock}", name)
 
@@ -514,7 +519,7 @@ class Run:
                 self.fail(check.__name__, explained(error, self._folder))
 
     def _check_at_end(self) -> None:
-        self._network.is_calm = True
+        self._network.calm_down()
         self._keep_apart()
         if self._coming:  # programs that were killed shortly before the end
             self._advance(max(when for when, _, _ in self._coming) + START_WITHIN)

@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import msgspec
 
 from taskrpc.errors import TaskRpcError
+from taskrpc.simulation.run.trace import Event, Trace
 
 
 class CallRecord(msgspec.Struct):
@@ -45,6 +46,7 @@ class Observed(Protocol):
 
     calls: list[CallRecord]
     messages: dict[str, list[Any]]
+    trace: Trace
 
     @property
     def now(self) -> float:
@@ -100,6 +102,13 @@ class SimulatedWorld:
         """Return the messages that were published on a topic."""
         name = topic if topic.startswith("/") else f"/{topic}"
         return self._run.messages.get(name, [])
+
+    def faults(self) -> list[Event]:
+        """Return the faults that have happened, and when programs were killed.
+
+        Each has a `time` in virtual seconds, a `program` and a `text`.
+        """
+        return [each for each in self._run.trace.events if each.kind in ("fault", "crash")]
 
     def starts(self, program: str) -> int:
         """Return how often a program was started."""

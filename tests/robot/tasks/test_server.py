@@ -263,6 +263,19 @@ async def test_a_second_task_server_of_one_name_is_refused_and_closes_its_store(
     await store.close()
 
 
+async def test_task_server_that_cannot_start_closes_its_store(tmp_path):
+    class UnreadableStore(SqliteStore):
+        async def load(self):
+            raise taskrpc.StoreError("the file cannot be read")
+
+    path = tmp_path / "tasks.db"
+    async with taskrpc.Node("one", transport="memory") as node:
+        with pytest.raises(taskrpc.StoreError, match="cannot be read"):
+            await TaskServer(node, LineRobot(), UnreadableStore(path)).start()
+        async with TaskServer(node, LineRobot(), SqliteStore(path)) as again:
+            assert (await again.manager.submit("move", "1", 5)).success
+
+
 async def test_a_fresh_start_forgets_the_tasks_of_the_server_before():
     store = MemoryStore()
     async with taskrpc.Node("one", transport="memory") as node:

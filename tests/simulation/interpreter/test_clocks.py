@@ -42,6 +42,36 @@ def test_run_begins_on_the_first_day_of_2026(simulated):
     ]
 
 
+def test_wrong_clock_is_that_of_taskrpc_too(simulated):
+    code = """
+        import asyncio, time
+        from taskrpc.spi import time_of_day
+        async def main():
+            for _ in range(20):
+                print(time_of_day() - time.time())
+                await asyncio.sleep(1.0)
+        asyncio.run(main())
+        """
+    loaded = simulated("scenario.faults(wrong_clock=('a',))", a=code)
+    assert loaded.search(*range(4)).coverage.faults["wrong clock"] > 0
+    lines = [line for seed in range(4) for line in loaded.run(seed).lines["a"]]
+    assert all(abs(float(line)) < 1e-5 for line in lines)
+
+
+def test_program_with_a_file_of_accounts_runs(simulated):
+    code = """
+        import asyncio, json, os, taskrpc
+        rows = {"ada": {"secret": "secret-of-the-user", "role": "operate"}}
+        with open(os.open("accounts.json", os.O_WRONLY | os.O_CREAT, 0o600), "w") as file:
+            json.dump({"accounts": rows}, file)
+        async def main():
+            async with taskrpc.Node("robot", accounts="accounts.json"):
+                print("runs")
+        asyncio.run(main())
+        """
+    assert simulated(a=code).run().lines["a"] == ["runs"]
+
+
 def test_loop_that_polls_the_clock_sees_it_move(simulated):
     code = """
         import time

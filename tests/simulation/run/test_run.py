@@ -7,6 +7,7 @@ import sys
 import pytest
 
 from taskrpc.simulation.run.seeds import VARIANT
+from taskrpc.simulation.search.fault_words import fault_words
 from tests.simulation.small_programs import CLIENT, ROBOT, ROS_CLIENT, ROS_ROBOT
 
 pytestmark = pytest.mark.real_time
@@ -275,6 +276,72 @@ def robot_answers(world):
     answer = loaded.search(*range(60))
     assert answer.failed is None
     assert answer.coverage.faults["kill"] > 0
+
+
+PATIENT_CLIENT = """
+    import asyncio, srvgen, taskrpc
+
+    AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+    async def main():
+        async with taskrpc.Node("client") as node:
+            client = node.create_client(AddTwoInts, "pick")
+            await client.wait_for_service(None)
+            for number in range(200):
+                try:
+                    await client.call(AddTwoInts.Request(a=number), timeout=1.0)
+                    print("answer")
+                except taskrpc.TaskRpcError as error:
+                    print(type(error).__name__)
+                await asyncio.sleep(0.1)
+
+    asyncio.run(main())
+    """
+
+
+def test_connections_break_and_are_made_again(simulated):
+    loaded = simulated("scenario.faults(cut=1.0)", robot=ROBOT, client=PATIENT_CLIENT)
+    lines = [line for seed in range(5) for line in loaded.run(seed).lines["client"]]
+    broken = loaded.search(*range(5)).coverage.faults["cut connection"]
+    assert broken > 5
+    assert 0 < lines.count("OutcomeUnknown") <= broken
+    assert lines.count("answer") > 900
+
+
+def test_story_says_which_connection_broke(simulated):
+    loaded = simulated(
+        """
+        scenario.faults(cut=0.5)
+
+        @scenario.always
+        def nothing_is_lost(world):
+            assert not world.count("client", "OutcomeUnknown")
+        """,
+        robot=ROBOT,
+        client=PATIENT_CLIENT,
+    )
+    found = loaded.first_failure(20)
+    assert [fault_words(each) for each in found.faults] == [
+        "connection 1 of client with robot broken"
+    ]
+
+
+def test_no_fault_happens_after_the_end_of_the_faults(simulated):
+    faults = """
+        scenario.faults(
+            lose_responses=0.5, cut=1.0, delay=(0.0, 0.1), crash=("robot",), restart=(0.1, 0.5),
+            partition=(1.0, 3.0), until=5.0,
+        )
+
+        @scenario.finally_
+        def faults_end(world):
+            times = [each.time for each in world.faults() if "again" not in each.text]
+            assert times
+            assert max(times) <= 5.0, times
+            assert world.lines("client")[-100:] == ["answer"] * 100
+        """
+    loaded = simulated(faults, robot=ROBOT, client=PATIENT_CLIENT)
+    assert loaded.search(*range(15)).failed is None
 
 
 def test_story_says_what_a_wrong_clock_does(simulated):

@@ -1,0 +1,26 @@
+"""What must never happen."""
+
+PROMISES = (
+    "ran twice",
+    "ran although not executed",
+    "lost",
+    "wrong answer",
+    "out of order",
+    "began while paused",
+    "began although called off",
+    "forbidden move",
+    "robot moved twice",
+    "robot moved before it was stored",
+    "ran on after the deadline",
+    "ran without the right",
+    "waited beyond the deadline",
+    "waited without a server",
+    "heard late of a crash",
+    "lost in a drain",
+    "heard twice",
+    "heard nothing",
+    "heard without the right",
+    "lost unseen",
+    "did not come back",
+    "left behind",
+)
