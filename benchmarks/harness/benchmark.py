@@ -127,7 +127,7 @@ def expected_minutes(contenders: Sequence[Contender], settings: Settings) -> flo
             count = sum(workload.suits(each) for each in contenders)
             measured += count + count // TURNS  # the baseline's turns
     a_round = measured * (WITH_WARM_UP * settings.seconds + BETWEEN)
-    a_round += len(contenders) * START + COMMANDS
+    a_round += 2 * len(contenders) * START + COMMANDS
     held = sum(each.idle for each in contenders) * len(settings.idle_counts)
     idle_round = held * (WITH_WARM_UP * settings.idle_seconds + HOLDING)
     seconds = settings.rounds * a_round + settings.idle_rounds * idle_round

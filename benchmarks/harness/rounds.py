@@ -70,6 +70,14 @@ def _measured(pair: Pair, workload: Workload, cores: set[int], seconds: float) -
     return pair.measure(payload=workload.payload, in_flight=workload.in_flight, seconds=seconds)
 
 
+def _renew(field: Field) -> None:
+    for pair in list(field.pairs):
+        try:
+            pair.renew()
+        except ChildFailed as error:
+            field.drop(pair, error)
+
+
 def _settle(field: Field, seconds: float) -> None:
     """Load everybody once for nothing: a fresh heap is not yet what it stays."""
     for pair in list(field.pairs):
@@ -89,10 +97,13 @@ def run_rounds(
     results: Results,
     say: Say,
 ) -> None:
-    """Measure everything, phase by phase."""
+    """Measure everything, phase by phase; small calls with new processes in each round."""
     _settle(field, seconds)
     for workloads in phases:
         for number in range(rounds):
             say(f"{workloads[0].what}: round {number + 1} of {rounds}")
+            if number and not workloads[0].payload:
+                _renew(field)
+                _settle(field, seconds)
             for workload in workloads:
                 run_round(number, field, workload, seconds=seconds, results=results)
