@@ -13,9 +13,10 @@ from benchmarks.harness.tables import TIMES, UNKNOWN, duration, ratio, significa
 from benchmarks.harness.workloads import IN_FLIGHT, PAYLOADS, Workload, size
 
 _METHOD = """\
-- Client and server are two processes (of the memory contender: one), which stay up for all rounds.
-  Each contender adds two integers, encoded and decoded as its users would, and echoes bytes; the
-  raw ones only send bytes to and fro.
+- Client and server are two processes (of the memory contender: one). Each round of small calls
+  starts them anew, because two starts of one program may differ by a fifth in their speed. Each
+  contender adds two integers, encoded and decoded as its users would, and echoes bytes; the raw
+  ones only send bytes to and fro.
 - **Every ratio is to the baseline, in the same round**: an `asyncio.Protocol` that echoes frames
   with four bytes of length, on asyncio's own loop. It handles all frames of one read together: the
   server answers them with one joined `write`, and a large frame is a list of chunks that is joined
