@@ -74,8 +74,9 @@ _Item = TypeVar("_Item", TopicPublisher, TopicSubscription)
 
 TICK = 1.0
 """Seconds between two checks of each connection."""
-SLICE, SLICES = 64, 20
-"""Connections that are checked at once, and the most groups into which a check is divided."""
+SLICE, SLICES = 8, 500
+"""Connections that are checked at once, and the most groups into which a check is divided: a call
+waits until a group is checked."""
 LISTING_TIMEOUT = 2.0
 """Seconds for a peer to list its services."""
 CLOSE_TIMEOUT = 1.0
@@ -545,12 +546,7 @@ class Endpoint(ThreadHandoff):
         if self._admission is not None:
             self.backpressure.measure_all()
             self.calls_in_flight.settle()
-        # With thousands of connections, their checks and pings are spread over the second.
-        slices = min(SLICES, 1 + len(connections) // SLICE)
-        for number in range(1, slices):
-            part = connections[number::slices]
-            self.loop.call_later(TICK * number / slices, self._check, part)
-        self._check(connections[::slices])
+        self._check(connections, max(SLICE, len(connections) // SLICES))
         if (accounts := self.network.accounts) is not None:
             accounts.refresh()
             for served in list(self._served):
@@ -562,10 +558,14 @@ class Endpoint(ThreadHandoff):
         if self._ticker is None and not self._closed:
             self._ticker = self.loop.call_later(TICK, self._tick)
 
-    def _check(self, connections: list[Connection]) -> None:
-        now = self.loop.time()
-        for connection in connections:
+    def _check(self, connections: list[Connection], count: int, begin: int = 0) -> None:
+        """Check so many connections now, and the others spread over the second."""
+        now, end = self.loop.time(), begin + count
+        for connection in connections[begin:end]:
             connection.tick(now)
+        if end < len(connections) and not self._closed:
+            wait = TICK * count / len(connections)
+            self.loop.call_later(wait, self._check, connections, count, end)
 
 
 def _calling_class(*, threads: bool) -> type[CallingConnection]:
