@@ -2,7 +2,8 @@
 
 The first hazard is a browser on the robot's own machine: any web page can make it send requests
 here, under a host name that resolves to this machine (DNS rebinding). So the Host header must
-contain one of the server's own names, and requests from pages of other servers are refused.
+contain one of the server's own names, and requests from pages of other servers are refused. For an
+image or a link, a browser sends no Origin header, but Sec-Fetch-Site says that another page asks.
 
 The second hazard is another user of the machine. On Linux, only the server's own user may see the
 live page without a token; `peers` explains why other systems cannot check this.
@@ -23,6 +24,8 @@ import msgspec
 from taskrpc.observe.web.tokens import Holder, Tokens
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
+_OTHER_PAGES = ("cross-site", "same-site")
+"""Values of Sec-Fetch-Site. Browsers count all ports of one host as one site."""
 
 
 class Access(Enum):
@@ -33,7 +36,8 @@ class Access(Enum):
     LOAD = "load"
     """Load a file of the live page, which has no secrets: every user may."""
     LOOK = "look"
-    """See what the live page shows: on this machine, the server's own user may."""
+    """See what the live page shows: on this machine, the server's own user may. An image or a link
+    of another page may not: `/live` and `/recording` keep a connection open."""
     CONTROL = "control"
     """Change something: only with a token that allows it."""
     CONNECT = "connect"
@@ -49,6 +53,8 @@ class Head(msgspec.Struct, frozen=True):
     local: str = ""
     """The local address of the connection, with its port; as a Host header it is always valid."""
     origins: Sequence[str] = ()
+    sites: Sequence[str] = ()
+    """The values of Sec-Fetch-Site: what a browser says about the page that asks."""
     authorizations: Sequence[str] = ()
     is_other_user: bool = False
     """Whether a process of another user of this machine has connected."""
@@ -118,6 +124,9 @@ class Guard:
         for origin in head.origins:
             if not self._is_allowed(origin.lower(), host, access):
                 return _origin_refusal(origin, access)
+        for site in head.sites:
+            if access is Access.LOOK and site in _OTHER_PAGES:
+                return _origin_refusal(f"another page (Sec-Fetch-Site: {site})", access)
         return self._token_refusal(head, access)
 
     def _is_allowed(self, origin: str, host: str, access: Access) -> bool:

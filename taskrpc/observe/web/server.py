@@ -371,6 +371,7 @@ def _head(request: web.BaseRequest, access: Access) -> Head:
         headers.getall("Host", ()),
         join_address(*local[:2]),
         headers.getall("Origin", ()),
+        headers.getall("Sec-Fetch-Site", ()),
         headers.getall("Authorization", ()),
         not is_for_everybody and cast("_Connection", request.protocol).is_other_user,
     )

@@ -75,6 +75,19 @@ def test_request_from_a_page_of_another_server_is_refused(origin, expected):
     assert status(asked(origins=[origin])) == expected
 
 
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_image_or_link_of_another_page_gets_nothing_that_the_page_shows(site):
+    """A page at another port of this machine is same-site; images have no Origin header."""
+    for access, expected in ((Access.LOOK, 403), (Access.LOAD, 200), (Access.MONITOR, 200)):
+        assert granted(access, sites=[site]) == expected
+    assert granted(Access.LOOK, sites=["same-origin", site]) == 403
+
+
+@pytest.mark.parametrize("sites", [[], ["same-origin"], ["none"]])
+def test_page_itself_typed_address_and_other_programs_see_what_the_page_shows(sites):
+    assert granted(Access.LOOK, sites=sites) == 200
+
+
 def test_one_foreign_origin_among_several_is_refused():
     assert status(asked(origins=["http://127.0.0.1:8080", "null"])) == 403
 

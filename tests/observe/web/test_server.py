@@ -513,6 +513,25 @@ async def test_page_above_the_limit_gets_status_503(page, monkeypatch):
         assert (status, headers["Retry-After"], text) == (503, "5", problem)
 
 
+async def test_image_of_another_page_takes_no_place_of_a_live_page(page, monkeypatch):
+    monkeypatch.setattr(streams, "MAX_TABS", 1)
+    image = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}
+    async with aiohttp.request("GET", f"{page.url}/live", headers=image) as refused:
+        async with aiohttp.request("GET", f"{page.url}/live") as response:
+            assert (refused.status, response.status) == (403, 200)
+        text = await refused.text()
+    assert text == (
+        "expected a request from a page of this server,"
+        " got one from another page (Sec-Fetch-Site: cross-site)\n"
+    )
+
+
+async def test_link_of_another_page_opens_the_live_page(page):
+    link = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}
+    for path in ("/", "/health"):
+        assert (await fetch(f"{page.url}{path}", headers=link))[0] == 200
+
+
 async def test_pages_that_are_reset_at_once_leave_nothing_and_log_no_traceback(page, caplog):
     host, _, port = page.url.rpartition("/")[2].rpartition(":")
     request = f"GET /live HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode()
