@@ -125,7 +125,7 @@ class _Parser:
         self.package = package
         self.problems: list[DefinitionError] = []
         self.left = limits.ENTRIES
-        _check_length(text, path)
+        limits.check_text(text, path)
         self.text = text.removeprefix(_BOM)
         self.lines = split_lines(self.text)
         if text != self.text:
@@ -336,13 +336,6 @@ def _read(code: str, package: str, number: int, comments: list[str]) -> _Entry:
 def _weight(entry: _Entry) -> int:
     value = entry.arguments[2]
     return 1 + len(value) if isinstance(value, tuple) else 1
-
-
-def _check_length(text: str, path: str) -> None:
-    try:
-        limits.check_length(text)
-    except InvalidText as error:
-        raise DefinitionError(error.message, path=path) from None
 
 
 def _build(entry: _Entry) -> Field | Constant:

@@ -22,7 +22,7 @@ from ..definitions import limits
 from ..definitions.lines import split_full_text
 from ..definitions.model import Definition, MessageDef
 from ..definitions.names import split_type_name
-from ..errors import DefinitionError, InvalidText
+from ..errors import DefinitionError
 from ..files import archive
 from ..files.dependencies import full_text, joined_text, with_dependencies
 from ..files.reading import parse_definition
@@ -183,10 +183,7 @@ class _FullTextSource:
             raise TypeError(f"expected a type name (str), got {type_name!r}")
         if not isinstance(whole, str):
             raise TypeError(f"expected the text of {type_name} (str), got {reprlib.repr(whole)}")
-        try:
-            limits.check_length(whole)
-        except InvalidText as error:
-            raise DefinitionError(error.message, path=type_name) from None
+        limits.check_text(whole, type_name)
         own_text, needed = split_full_text(whole)
         if len(needed) > limits.NESTED:
             most = f"expected at most {limits.NESTED} nested definitions, got {len(needed)}"

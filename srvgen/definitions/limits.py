@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..errors import InvalidText
+from ..errors import DefinitionError
 from .model import Field, FieldType, MessageDef
 
 TEXT = 2**20
@@ -29,14 +29,29 @@ _SIZES = {
 }
 
 
-def check_length(text: str) -> None:
-    """Refuse a text that is too long for a definition.
+def check_text(text: str, path: str) -> None:
+    """Refuse a text that no file with definitions has: it is too long, or not Unicode.
 
     Raises:
-        InvalidText: the text is too long.
+        DefinitionError: has `path` as the name of the file.
     """
     if len(text) > TEXT:
-        raise InvalidText(f"expected at most {TEXT:,} characters of definitions, got {len(text):,}")
+        most = f"expected at most {TEXT:,} characters of definitions, got {len(text):,}"
+        raise DefinitionError(most, path=path)
+    if text.isascii():
+        return
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        shown = (text[: error.start] + "\N{REPLACEMENT CHARACTER}").splitlines()
+        raise DefinitionError(
+            "expected text that UTF-8 can encode, "
+            f"got a lone surrogate (U+{ord(text[error.start]):04X})",
+            path=path,
+            line=len(shown),
+            column=len(shown[-1]),
+            source_line=shown[-1],
+        ) from None
 
 
 def default_memory(message: MessageDef, nested: Mapping[str, int]) -> int:

@@ -73,6 +73,16 @@ def unescape(value: str) -> str:
     return re.sub(_ESCAPE, _resolved_escape, value)
 
 
+def _check_escapes(text: str) -> None:
+    """Refuse an escape that stands for half of a surrogate pair: no text of ROS can have it."""
+    for match in re.finditer(_ESCAPE, text):
+        if "\ud800" <= _resolved_escape(match) <= "\udfff":
+            raise InvalidText(
+                f"expected text that UTF-8 can encode, got the lone surrogate {match[0]}",
+                hint="write the character itself, or its whole number after \\U",
+            )
+
+
 def _resolved_escape(match: re.Match[str]) -> str:
     escape = match[0]
     try:
@@ -119,6 +129,8 @@ def _float(text: str, base: str) -> float:
 
 
 def _string(text: str, base: str, bound: int | None) -> str:
+    if "\\" in text:
+        _check_escapes(text)
     for quote in ('"', "'"):
         if text.startswith(quote) and text.endswith(quote):
             text = text[1:-1]

@@ -55,6 +55,24 @@ def test_every_line_end_of_the_official_parser_ends_a_line(end):
     assert [field.name for field in message.fields] == ["a", "b"]
 
 
+@pytest.mark.parametrize(
+    ("text", "line", "column", "shown"),
+    [
+        ("int32 a\n# \ud800\n", 2, 3, "# \ufffd"),
+        ("int32 a\r\nstring é\udfff 'x'\n", 2, 9, "string é\ufffd"),
+        ("\udc80", 1, 1, "\ufffd"),
+        ("int32 a\u2028\tstring b '\U0001f600\ud83d'", 2, 13, "\tstring b '\U0001f600\ufffd"),
+    ],
+)
+def test_lone_surrogate_is_refused_with_its_place(text, line, column, shown):
+    for parse, rest in ((parse_msg, ""), (parse_srv, "\n---\n"), (parse_action, "\n---\n---\n")):
+        with pytest.raises(DefinitionError, match="got a lone surrogate \\(U\\+D") as caught:
+            parse(text + rest, "my_msgs", "Bad", path="Bad")
+        error = caught.value
+        assert (error.path, error.line, error.column) == ("Bad", line, column)
+        assert error.source_line == shown
+
+
 def test_a_hash_begins_a_comment_even_inside_quotes():
     message = parse_msg('string x "a#b"', "my_msgs", "Text")
     assert message.fields[0].default == '"a'

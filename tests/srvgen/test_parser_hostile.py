@@ -45,6 +45,13 @@ def test_exceeded_limit_is_one_error(text, problem):
     assert problem in refused(text)
 
 
+@pytest.mark.parametrize("text", ["int32 a # \ud800\n---\n", "string a \ud800\n---\n"])
+def test_lone_surrogate_in_a_text_from_another_program_is_refused(text):
+    assert "got a lone surrogate (U+D800)" in refused(text)
+    # A service class keeps its whole text, also the parts that it does not need.
+    assert "got a lone surrogate (U+D800)" in refused("int32 a\n---\n", Part=text)
+
+
 def test_too_many_definitions_are_refused():
     message = refused("int32 a\n---\n", **{f"Part{n}": "int32 a\n" for n in range(500)})
     assert message == "expected at most 500 nested definitions, got 502"

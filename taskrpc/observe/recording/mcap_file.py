@@ -50,8 +50,15 @@ _RECORD_LIMIT = 2**30
 """Bytes of one record; a larger length is read only in a damaged file."""
 _CHUNK_LIMIT = 2**28
 """Bytes of the contents of one chunk; rosbag2's chunks have about a megabyte."""
-_QOS_LIMIT = 2**14
-"""Characters of the text of a topic's QoS; that of fifty publishers is shorter."""
+_EXPANSION, _FREE_EXPANSION = 256, 2**26
+"""Bytes of the contents of all chunks for each byte of a file, and further bytes for every file: a
+map without obstacles has sixteen megabytes, and a few kilobytes in a file."""
+_FREE_RECORDS = 100_000
+"""Records in the chunks of a file, besides one for each byte of the file."""
+_TOPICS_LIMIT = 2**23
+"""Bytes of the descriptions of all topics of a file; reading them takes longest."""
+_QOS_LIMIT = 2**12
+"""Characters of the text of a QoS; rosbag2 writes 400."""
 _LONGEST_REASON = 240
 """Characters of an error about the contents of a file."""
 LATEST = 2**63 - 1
@@ -74,8 +81,13 @@ class Topic(msgspec.Struct, frozen=True):
     """`ros2msg` if `schema` can be read here."""
     schema: str = ""
     """The definition of the type; see `schemas`."""
-    qos: QoS = QoS()
-    """The QoS of its first publisher."""
+    profile: str = ""
+    """The QoS of its first publisher as text; see `first_profile`."""
+
+    @property
+    def qos(self) -> QoS:
+        """The QoS of its first publisher."""
+        return qos_from(self.profile)
 
 
 class Message(msgspec.Struct, frozen=True):
@@ -269,9 +281,10 @@ class Recording:
         schemas: dict[int, tuple[records.Schema, str]] = {}
         kept: dict[int, Topic | None] = {}
         whole = 0  # bytes up to the end of the last whole record
+        described = 0  # bytes of the descriptions of topics
         try:
             whole = stream.seek(len(MCAP0_MAGIC))
-            for opcode, body in _records(stream, file.stat().st_size):
+            for opcode, body in _records_of_file(stream, file.stat().st_size):
                 if opcode == Opcode.MESSAGE:
                     channel_id, _, time, _ = _MESSAGE_HEAD.unpack_from(body)
                     if channel_id not in kept or time > LATEST:
@@ -284,11 +297,13 @@ class Recording:
                     # Decoded only once: many topics may have the same long schema.
                     schemas[schema.id] = schema, schema.data.decode(errors="replace")
                 elif opcode == Opcode.CHANNEL:
-                    channel = records.Channel.read(_fields(body))
-                    if channel.id not in kept:
+                    if (channel_id := int.from_bytes(body[:2], "little")) not in kept:
+                        described += len(body)
+                        _check("descriptions of topics", described, _TOPICS_LIMIT)
+                        channel = records.Channel.read(_fields(body))
                         topic = _topic(channel, schemas.get(channel.schema_id))
-                        self.topics[offset + channel.id] = topic
-                        kept[channel.id] = topic if keep is None or keep(topic) else None
+                        self.topics[offset + channel_id] = topic
+                        kept[channel_id] = topic if keep is None or keep(topic) else None
                 elif opcode == Opcode.HEADER:
                     self.library = self.library or records.Header.read(_fields(body)).library
                 elif opcode == Opcode.DATA_END:
@@ -320,8 +335,39 @@ def _fields(body: bytes) -> ReadDataStream:
     return ReadDataStream(_Body(body))
 
 
+_IN_CHUNKS = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
+
+
+def _records_of_file(stream: BinaryIO, size: int) -> Iterator[tuple[int, bytes]]:
+    """Iterate over the opcodes and contents of the records of a file, also of those in chunks.
+
+    A short file can have chunks of gigabytes, or with millions of records: raises ValueError if
+    they have far more than chunks of a file of `size` bytes need.
+    """
+    expanded, count = 0, 0
+    for opcode, body in _records(stream, size):
+        if opcode != Opcode.CHUNK:
+            yield opcode, body
+            continue
+        chunk = records.Chunk.read(_fields(body))
+        _check("a chunk", chunk.uncompressed_size, _CHUNK_LIMIT)
+        expanded += chunk.uncompressed_size
+        _check("chunks", expanded, _EXPANSION * size + _FREE_EXPANSION)
+        for each in _records_of_chunk(chunk):
+            count += 1
+            if count > size + _FREE_RECORDS:
+                raise ValueError(f"more than {count - 1:,} records in the chunks of a short file")
+            if each[0] in _IN_CHUNKS:
+                yield each
+
+
+def _check(what: str, size: int, limit: int) -> None:
+    if size > limit:
+        raise ValueError(f"{what} of {size:,} bytes; expected at most {limit:,}")
+
+
 def _records(stream: BinaryIO, end: int) -> Iterator[tuple[int, bytes]]:
-    """Iterate over the opcodes and contents of records, also of those in chunks.
+    """Iterate over the opcodes and contents of records.
 
     Raises _IncompleteError if the last record is longer than the bytes up to `end`.
     """
@@ -329,32 +375,20 @@ def _records(stream: BinaryIO, end: int) -> Iterator[tuple[int, bytes]]:
         if end - at < _HEAD.size:
             raise _IncompleteError
         opcode, length = _HEAD.unpack(stream.read(_HEAD.size))
-        if length > _RECORD_LIMIT:
-            raise ValueError(f"a record of {length:,} bytes; expected at most {_RECORD_LIMIT:,}")
+        _check("a record", length, _RECORD_LIMIT)
         if at + _HEAD.size + length > end:
             raise _IncompleteError
-        body = stream.read(length)
-        if opcode == Opcode.CHUNK:
-            yield from _records_of_chunk(records.Chunk.read(_fields(body)))
-        else:
-            yield opcode, body
-
-
-_IN_CHUNKS = (Opcode.MESSAGE, Opcode.SCHEMA, Opcode.CHANNEL)
+        yield opcode, stream.read(length)
 
 
 def _records_of_chunk(chunk: records.Chunk) -> Iterator[tuple[int, bytes]]:
     size = chunk.uncompressed_size
-    if size > _CHUNK_LIMIT:
-        raise ValueError(f"a chunk of {size:,} bytes; expected at most {_CHUNK_LIMIT:,}")
     # A few bytes can expand to gigabytes: read only as many as the chunk says, and one more.
     data = _expanded(chunk, size + 1)
     if len(data) != size:
         raise ValueError("the contents of a chunk do not have the length that it says")
     try:
-        for opcode, body in _records(io.BytesIO(data), size):
-            if opcode in _IN_CHUNKS:
-                yield opcode, body
+        yield from _records(io.BytesIO(data), size)
     except _IncompleteError:
         raise ValueError("a record is longer than its chunk") from None
 
@@ -435,7 +469,7 @@ def _topic(channel: records.Channel, schema: tuple[records.Schema, str] | None) 
         channel.message_encoding,
         schema[0].encoding if schema is not None else "",
         schema[1] if schema is not None else "",
-        qos_from(channel.metadata.get(_QOS, "")),
+        first_profile(channel.metadata.get(_QOS, "")),
     )
 
 
@@ -453,14 +487,21 @@ _RELIABILITY = {"1": "reliable", "2": "best_effort"}
 _DURABILITY = {"1": "transient_local", "2": "volatile"}
 
 
+def first_profile(text: str) -> str:
+    """Return the first QoS in a text of rosbag2, which has one for each publisher."""
+    second = text.find("\n- ", text.find("- ") + 1)
+    return text if second < 0 else text[:second]
+
+
 def qos_from(text: str) -> QoS:
     """Return the first QoS of a text of rosbag2, with the default for what it does not say."""
     import yaml
 
-    if len(text) > _QOS_LIMIT:
+    profile = first_profile(text)
+    if len(profile) > _QOS_LIMIT:
         return QoS()
     try:
-        profiles: Any = yaml.safe_load(text)
+        profiles: Any = yaml.safe_load(profile)
         first = profiles[0] if isinstance(profiles, list) and profiles else {}
         depth = first.get("depth", 10)
         reliability, durability = str(first.get("reliability")), str(first.get("durability"))

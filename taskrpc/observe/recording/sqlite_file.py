@@ -15,8 +15,8 @@ from taskrpc.observe.recording.mcap_file import (
     Recording,
     RecordingError,
     Topic,
+    first_profile,
     one_line,
-    qos_from,
 )
 
 _MAGIC = b"SQLite format 3\0"
@@ -153,7 +153,7 @@ def _topics(database: sqlite3.Connection) -> dict[int, Topic]:
             str(type_name),
             str(encoding),
             *definitions.get(type_name, ("", "")),
-            qos=qos_from(str(profiles or "")),
+            profile=first_profile(str(profiles or "")),
         )
         for number, name, type_name, encoding, profiles in rows
     }

@@ -2,10 +2,12 @@
 
 The first hazard is a browser on the robot's own machine: any web page can make it send requests
 here, under a host name that resolves to this machine (DNS rebinding). So the Host header must
-contain one of the server's own names, and requests from pages of other servers are refused.
+contain one of the server's own names, and requests from pages of other servers are refused. For an
+image or a link, a browser sends no Origin header, but Sec-Fetch-Site says that another page asks.
 
 The second hazard is another user of the machine. On Linux, only the server's own user may see the
-live page without a token; `peers` explains why other systems cannot check this.
+live page without a token, and a page that another user serves may not open a WebSocket; `peers`
+explains why other systems cannot check this.
 
 The third hazard is a reverse proxy on this machine: its requests come from this machine, but its
 users do not. So a request for the name of an allowed origin always needs a token.
@@ -23,6 +25,8 @@ import msgspec
 from taskrpc.observe.web.tokens import Holder, Tokens
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
+_OTHER_PAGES = ("cross-site", "same-site")
+"""Values of Sec-Fetch-Site. Browsers count all ports of one host as one site."""
 
 
 class Access(Enum):
@@ -33,12 +37,13 @@ class Access(Enum):
     LOAD = "load"
     """Load a file of the live page, which has no secrets: every user may."""
     LOOK = "look"
-    """See what the live page shows: on this machine, the server's own user may."""
+    """See what the live page shows: on this machine, the server's own user may. An image or a link
+    of another page may not: `/live` and `/recording` keep a connection open."""
     CONTROL = "control"
     """Change something: only with a token that allows it."""
     CONNECT = "connect"
     """Open a WebSocket, which has the rights of the server: on this machine, the server's own user
-    may, also with pages of this machine and of allowed origins."""
+    may, also with pages that this user serves and with those of allowed origins."""
 
 
 class Head(msgspec.Struct, frozen=True):
@@ -49,9 +54,13 @@ class Head(msgspec.Struct, frozen=True):
     local: str = ""
     """The local address of the connection, with its port; as a Host header it is always valid."""
     origins: Sequence[str] = ()
+    sites: Sequence[str] = ()
+    """The values of Sec-Fetch-Site: what a browser says about the page that asks."""
     authorizations: Sequence[str] = ()
     is_other_user: bool = False
     """Whether a process of another user of this machine has connected."""
+    is_page_of_other_user: bool = False
+    """Whether another user of this machine, or nobody, listens at the port of the origin."""
 
     @property
     def token(self) -> str:
@@ -116,18 +125,22 @@ class Guard:
         ):
             return _host_refusal(host)
         for origin in head.origins:
-            if not self._is_allowed(origin.lower(), host, access):
+            if not self._is_allowed(origin.lower(), host, access, head):
                 return _origin_refusal(origin, access)
+        for site in head.sites:
+            if access is Access.LOOK and site in _OTHER_PAGES:
+                return _origin_refusal(f"another page (Sec-Fetch-Site: {site})", access)
         return self._token_refusal(head, access)
 
-    def _is_allowed(self, origin: str, host: str, access: Access) -> bool:
+    def _is_allowed(self, origin: str, host: str, access: Access, head: Head) -> bool:
         if host in self._public_names:  # the proxy may use another scheme than this server
             return origin in self._origins
         if origin == f"{self._scheme}://{host}":
             return True
         if origin in self._origins:  # a proxy that replaces the Host header shows the buttons there
             return access in (Access.CONNECT, Access.CONTROL)
-        return access is Access.CONNECT and _is_local(origin)
+        is_local = local_port(origin) is not None
+        return access is Access.CONNECT and is_local and not head.is_page_of_other_user
 
     def _token_refusal(self, head: Head, access: Access) -> Refusal | None:
         if access is Access.LOAD:
@@ -190,8 +203,10 @@ def _origin_refusal(origin: str, access: Access) -> Refusal:
         return Refusal(
             403, f"expected a request from a page of this server, got one from {origin[:100]}"
         )
+    is_local = local_port(origin.lower()) is not None
+    owner = "another user's server, or of one that has ended," if is_local else "another server"
     allow = f"the server allows it with --allow-origin {origin[:100]}"
-    return Refusal(403, f"a page of another server may not open a WebSocket here; {allow}")
+    return Refusal(403, f"a page of {owner} may not open a WebSocket here; {allow}")
 
 
 def own_names(listened: str, port: int, *, machine: str) -> list[str]:
@@ -229,10 +244,12 @@ def _bearer(authorizations: Sequence[str]) -> str:
     return token.strip() if scheme.lower() == "bearer" else ""
 
 
-def _is_local(origin: str) -> bool:
-    """Whether a page comes from a server of this machine, at any port."""
+def local_port(origin: str) -> int | None:
+    """Return the port of an origin of this machine, None for an origin of another machine."""
     try:
         parts = urlsplit(origin)
-        return parts.scheme in ("http", "https") and parts.hostname in LOOPBACK
+        port = parts.port or (443 if parts.scheme == "https" else 80)
     except ValueError:
-        return False
+        return None
+    is_local = parts.scheme in ("http", "https") and parts.hostname in LOOPBACK
+    return port if is_local else None

@@ -1,4 +1,4 @@
-"""Finds the user of the process at the other end of a connection of this machine (Linux only).
+"""Finds which users of this machine have connected, or serve a web page (Linux only).
 
 Linux shows the user of every socket to every process, in `/proc/net/tcp`. Python's standard library
 has no call for this on macOS and Windows. The functions of these systems could be called through
@@ -14,57 +14,86 @@ from __future__ import annotations
 import ipaddress
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-_SOCKET_TABLES = ("/proc/net/tcp", "/proc/net/tcp6")
+End = tuple[str, int]
+"""The address and the port of one end of a connection."""
+
+_SOCKET_TABLES = (Path("/proc/net/tcp"), Path("/proc/net/tcp6"))
 _NO_PROCESS = "0"  # the inode of a socket that its process has closed; its user is shown as root
+_LISTENING = "0A"
+_LOCALHOST = [ipaddress.ip_address(each).packed for each in ("127.0.0.1", "::1", "0.0.0.0", "::")]
+"""The addresses at which a server is reachable as localhost."""
 
 
-def is_other_user(peer: tuple[str, int], local: tuple[str, int]) -> bool:
+def is_other_user(peer: End, local: End) -> bool:
     """Return whether a process of another user of this machine has made a connection.
 
     Root does not count as another user. Only Linux can tell: elsewhere, and for connections from
     other machines, the result is False. `peer` and `local` are the two ends, as the server sees
     them.
     """
+    return _is_of_others(peer, lambda table: caller_users(table, peer, local))
+
+
+def is_page_of_other_user(peer: End, port: int) -> bool:
+    """Return whether a browser of this machine shows a page that another user serves at a port.
+
+    Root does not count as another user. If nobody listens at the port, the result is True: another
+    user's server can deliver a page, and then end. Only Linux can tell: elsewhere, and for
+    browsers of other machines, the result is False. `peer` is the browser's end of the connection.
+    """
+    return _is_of_others(peer, lambda table: listener_users(table, port))
+
+
+def _is_of_others(peer: End, users_in: Callable[[str], set[int]]) -> bool:
+    """Return whether sockets in the kernel's tables belong to another user, or to nobody."""
     if sys.platform == "linux" and _is_loopback(peer[0]):
-        wanted = _as_in_table(peer), _as_in_table(local)
         users = set()
         try:
             for table in _SOCKET_TABLES:
-                users |= set(_users(Path(table), wanted))
+                if table.exists():  # a system without IPv6 has only the first one
+                    users |= users_in(table.read_text())
         except OSError:
             return False  # a system without these tables
         return not users <= {0, os.getuid()} or not users
     return False
 
 
-def _users(table: Path, wanted: tuple[tuple[bytes, int], tuple[bytes, int]]) -> Iterator[int]:
-    """Yield the users of the sockets with these two ends."""
-    if not table.exists():  # a system without IPv6
-        return
-    ports = f":{wanted[0][1]:04X}", f":{wanted[1][1]:04X}"
-    for line in table.read_text().splitlines()[1:]:
+def caller_users(table: str, peer: End, local: End) -> set[int]:
+    """Return the users of the callers' sockets, in the text of a table, of a connection."""
+    wanted = _as_in_table(peer), _as_in_table(local)
+    rows = _rows(table, peer[1], local[1])
+    return {int(row[7]) for row in rows if (_address(row[1]), _address(row[2])) == wanted}
+
+
+def listener_users(table: str, port: int) -> set[int]:
+    """Return the users that listen, by the text of a table, at a port of localhost."""
+    rows = _rows(table, port, 0)
+    return {int(row[7]) for row in rows if row[3] == _LISTENING and _address(row[1]) in _LOCALHOST}
+
+
+def _rows(table: str, own_port: int, other_port: int) -> Iterator[list[str]]:
+    """Yield the fields of the rows with these ports: 1, 2 the ends, 3 the state, 7 the user."""
+    own, other = f":{own_port:04X}", f":{other_port:04X}"
+    for line in table.splitlines()[1:]:
         fields = line.split()
-        if not (fields[1].endswith(ports[0]) and fields[2].endswith(ports[1])):
-            continue
-        if fields[9] != _NO_PROCESS and (_end(fields[1]), _end(fields[2])) == wanted:
-            yield int(fields[7])
+        if fields[1].endswith(own) and fields[2].endswith(other) and fields[9] != _NO_PROCESS:
+            yield fields
 
 
-def _end(text: str) -> tuple[bytes, int]:
-    """Return address and port from a table of the kernel, which writes 32-bit words."""
-    address, _, port = text.partition(":")
-    raw = bytes.fromhex(address)
+def _address(end: str) -> bytes:
+    """Return the address of an end in a table of the kernel, which writes 32-bit words."""
+    raw = bytes.fromhex(end.partition(":")[0])
     words = [raw[start : start + 4] for start in range(0, len(raw), 4)]
     if sys.byteorder == "little":
         words = [word[::-1] for word in words]
-    return _without_mapping(b"".join(words)), int(port, 16)
+    return _without_mapping(b"".join(words))
 
 
-def _as_in_table(end: tuple[str, int]) -> tuple[bytes, int]:
-    return _without_mapping(ipaddress.ip_address(end[0].partition("%")[0]).packed), end[1]
+def _as_in_table(end: End) -> bytes:
+    return _without_mapping(ipaddress.ip_address(end[0].partition("%")[0]).packed)
 
 
 def _without_mapping(address: bytes) -> bytes:

@@ -16,10 +16,10 @@ from aiohttp import HttpVersion11, web
 from taskrpc import Tls
 from taskrpc.errors import CannotListen
 from taskrpc.observe.web.control import MAX_BODY
-from taskrpc.observe.web.guard import Access, Guard, Head, own_names
+from taskrpc.observe.web.guard import Access, Guard, Head, local_port, own_names
 from taskrpc.observe.web.open_connections import OpenConnections, TooManyRequests
 from taskrpc.observe.web.pages import JSON, Page, Pages
-from taskrpc.observe.web.peers import is_other_user
+from taskrpc.observe.web.peers import is_other_user, is_page_of_other_user
 from taskrpc.observe.web.streams import UNREAD_BYTES, LiveStream, Tab, TooManyTabs
 from taskrpc.observe.web.tokens import Holder, Tokens
 from taskrpc.spi import (
@@ -125,9 +125,9 @@ class WebServer:
         may_look: returns whether a bearer token is valid.
         live: the live page; without it, there are only `pages`.
         upgrade: answers requests for a WebSocket at `/`; without it, they are refused.
-        origins: other pages that may open a WebSocket, besides those of this machine; also the
-            addresses under which a reverse proxy serves these pages, such as `https://lab.example`.
-            Requests for the name of such an address need a token.
+        origins: other pages that may open a WebSocket, besides those that this user serves on this
+            machine; also the addresses under which a reverse proxy serves these pages, such as
+            `https://lab.example`. Requests for the name of such an address need a token.
         names: more names or addresses of this machine that are valid in a Host header; the first
             one stands in `url` if `listen` means all addresses.
     """
@@ -366,13 +366,18 @@ def _head(request: web.BaseRequest, access: Access) -> Head:
     headers = request.headers
     is_for_everybody = access in (Access.MONITOR, Access.LOAD)
     local: Any = request.get_extra_info("sockname") or ("", 0)
+    peer: Any = request.get_extra_info("peername") or ("", 0)
+    origins = headers.getall("Origin", ())
+    ports = [local_port(origin.lower()) for origin in origins if access is Access.CONNECT]
     return Head(
         request.method,
         headers.getall("Host", ()),
         join_address(*local[:2]),
-        headers.getall("Origin", ()),
+        origins,
+        headers.getall("Sec-Fetch-Site", ()),
         headers.getall("Authorization", ()),
         not is_for_everybody and cast("_Connection", request.protocol).is_other_user,
+        any(port is not None and is_page_of_other_user(peer[:2], port) for port in ports),
     )
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import re
+import struct
 import tracemalloc
 
 import lz4.frame
@@ -16,6 +18,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.writer import MCAP0_MAGIC
 
+from taskrpc.observe.recording import mcap_file
 from taskrpc.observe.recording.mcap_file import Recording, RecordingError, RecordingWriter, one_line
 from taskrpc.qos import QoS
 from tests.properties import examples
@@ -35,9 +38,9 @@ def write(path, count=5, *, finish=True):
     return writer
 
 
-def read(path):
+def read(path, shown=bytes):
     recording = Recording(path)
-    return [(m.topic.name, m.time, m.data) for m in recording.messages()], recording
+    return [(m.topic.name, m.time, shown(m.data)) for m in recording.messages()], recording
 
 
 def test_messages_are_read_as_they_were_written(tmp_path):
@@ -176,6 +179,8 @@ def record(written):
 
 SCHEMA = records.Schema(1, b"string data\n", "ros2msg", "std_msgs/msg/String")
 MESSAGE = record(records.Message(1, SECOND, b"\0\1\0\0a", SECOND, 0))
+MESSAGE_HEAD = struct.Struct("<BQHIQQ")
+CHANNEL = record(records.Channel(1, "/text", "cdr", {}, 1))
 
 
 def foreign(path, *parts, topic="/text", metadata=None, schema=SCHEMA):
@@ -227,6 +232,52 @@ def test_chunk_that_expands_beyond_its_declared_size_takes_no_memory(
     assert most < 2**23
 
 
+def test_short_file_whose_chunks_expand_to_gigabytes_is_not_read_to_its_end(tmp_path):
+    """Each of 64 chunks has 48 MiB, but only five kilobytes in the file."""
+    bomb = chunk("zstd", record(records.Message(1, SECOND, bytes(2**20), SECOND, 0)) * 48)
+    path = foreign(tmp_path / "a.mcap", *[bomb] * 64)
+    messages, recording = read(path, len)
+    assert path.stat().st_size < 512_000
+    assert 48 <= len(messages) < 48 * 10
+    assert "a.mcap is damaged after byte " in recording.problem
+    assert "(chunks of " in recording.problem
+
+
+def test_short_file_with_millions_of_records_is_not_read_to_its_end(tmp_path):
+    """The records of unknown types and of known topics count too."""
+    for contents in (MESSAGE, b"\x80" + bytes(8), CHANNEL):
+        path = foreign(tmp_path / "a.mcap", chunk("zstd", contents * 70_000) * 100)
+        messages, recording = read(path)
+        assert len(messages) < 200_000
+        assert re.search(r"more than 1\d\d,\d\d\d records in the chunks", recording.problem)
+
+
+def test_short_file_with_megabytes_about_topics_is_not_read_to_its_end(tmp_path):
+    topics = [records.Channel(each, "/a", "cdr", {"b": " " * 2**20}, 1) for each in range(2, 99)]
+    path = foreign(tmp_path / "a.mcap", *(chunk("zstd", record(topic)) for topic in topics))
+    _, recording = read(path)
+    assert len(recording.topics) == 8
+    assert "descriptions of topics of " in recording.problem
+
+
+def test_chunk_in_a_chunk_is_not_read(tmp_path):
+    inner = chunk("zstd", MESSAGE)
+    messages, recording = read(foreign(tmp_path / "a.mcap", chunk("zstd", inner + MESSAGE)))
+    assert (len(messages), recording.problem) == (1, "")
+
+
+def test_long_recording_of_small_messages_and_a_blank_map_are_read(tmp_path):
+    """The contents of both compress very well."""
+    times = range(SECOND, 121_000 * SECOND, SECOND)
+    clock = (MESSAGE_HEAD.pack(5, 27, 1, 0, time, time) + b"\0\1\0\0a" for time in times)
+    path = foreign(tmp_path / "a.mcap", chunk("zstd", b"".join(clock)))
+    messages, recording = read(path, len)
+    assert (len(messages), recording.problem) == (len(times), "")
+    blank = records.Message(1, SECOND, b"\xff" * 2**24, SECOND, 0)
+    messages, recording = read(foreign(path, chunk("zstd", record(blank)) * 3), len)
+    assert (len(messages), recording.problem) == (3, "")
+
+
 def test_small_records_of_a_chunk_are_not_all_in_memory_at_once(tmp_path):
     path = foreign(tmp_path / "a.mcap", chunk("zstd", record(SCHEMA) * 10_000))
     tracemalloc.start()
@@ -272,6 +323,21 @@ def test_very_long_qos_is_not_parsed(tmp_path):
     text = "- depth: 3\n" + "#" * 20_000
     path = foreign(tmp_path / "a.mcap", MESSAGE, metadata={"offered_qos_profiles": text})
     assert read(path)[1].topics[1].qos == QoS()
+
+
+def test_only_the_qos_of_the_first_publisher_counts(tmp_path):
+    for others in (0, 1, 500):
+        text = "- depth: 3\n  reliability: best_effort\n" + "- depth: 7\n" * others
+        path = foreign(tmp_path / "a.mcap", metadata={"offered_qos_profiles": text})
+        assert read(path)[1].topics[1].qos == QoS(3, "best_effort")
+
+
+def test_qos_of_a_topic_that_is_only_listed_is_not_parsed(tmp_path, monkeypatch):
+    """Parsing takes milliseconds, and a file can have thousands of topics."""
+    monkeypatch.setattr(mcap_file, "qos_from", pytest.fail)
+    path = foreign(tmp_path / "a.mcap", MESSAGE, metadata={"offered_qos_profiles": "- depth: 3"})
+    messages, recording = read(path)
+    assert (len(messages), len(recording.topics)) == (1, 1)
 
 
 def test_topics_of_one_type_share_the_text_of_its_schema(tmp_path):

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskrpc.core.security.accounts import AccountSource
-from taskrpc.observe.web.guard import Access, Guard, Head, own_names
+from taskrpc.observe.web.guard import Access, Guard, Head, local_port, own_names
 from taskrpc.observe.web.tokens import Tokens
 
 HERE = own_names("127.0.0.1", 8080, machine="robot")
@@ -73,6 +73,19 @@ def test_methods_other_than_get_and_head_are_refused(method):
 )
 def test_request_from_a_page_of_another_server_is_refused(origin, expected):
     assert status(asked(origins=[origin])) == expected
+
+
+@pytest.mark.parametrize("site", ["cross-site", "same-site"])
+def test_image_or_link_of_another_page_gets_nothing_that_the_page_shows(site):
+    """A page at another port of this machine is same-site; images have no Origin header."""
+    for access, expected in ((Access.LOOK, 403), (Access.LOAD, 200), (Access.MONITOR, 200)):
+        assert granted(access, sites=[site]) == expected
+    assert granted(Access.LOOK, sites=["same-origin", site]) == 403
+
+
+@pytest.mark.parametrize("sites", [[], ["same-origin"], ["none"]])
+def test_page_itself_typed_address_and_other_programs_see_what_the_page_shows(sites):
+    assert granted(Access.LOOK, sites=sites) == 200
 
 
 def test_one_foreign_origin_among_several_is_refused():
@@ -277,12 +290,41 @@ def test_websocket_needs_a_token_with_all_rights_beyond_this_machine(tmp_path):
         ("file://localhost", 403),
         ("null", 403),
         ("http://[", 403),
+        ("http://localhost:99999", 403),
     ],
 )
 def test_websocket_accepts_pages_of_this_machine_and_of_allowed_origins(origin, expected):
     head = {"origins": [origin], "allowed": ["https://Lab.example/"]}
     assert granted(Access.CONNECT, **head) == expected
     assert granted(Access.LOOK, **head) == 403
+
+
+def test_websocket_refuses_pages_of_other_users_of_this_machine_unless_they_are_allowed():
+    page = "http://localhost:3000"
+    head = {"origins": [page], "is_page_of_other_user": True}
+    assert granted(Access.CONNECT, **head) == 403
+    assert granted(Access.CONNECT, allowed=[page], **head) == 200
+    refusal = Guard(HERE).refusal(Head("GET", HERE[:1], **head), Access.CONNECT)
+    assert refusal is not None
+    assert refusal.reason == (
+        "a page of another user's server, or of one that has ended, may not open a WebSocket here;"
+        " the server allows it with --allow-origin http://localhost:3000"
+    )
+
+
+@pytest.mark.parametrize(
+    ("origin", "port"),
+    [
+        ("http://localhost:3000", 3000),
+        ("http://127.0.0.1", 80),
+        ("https://[::1]", 443),
+        ("http://lab.example:3000", None),
+        ("http://localhost:99999", None),
+        ("null", None),
+    ],
+)
+def test_port_of_a_page_of_this_machine_is_in_its_origin(origin, port):
+    assert local_port(origin) == port
 
 
 def test_refusal_of_a_websocket_names_the_option_that_allows_the_page():

@@ -7,6 +7,7 @@ import re
 import socket
 import ssl
 import struct
+import sys
 
 import aiohttp
 import pytest
@@ -513,6 +514,25 @@ async def test_page_above_the_limit_gets_status_503(page, monkeypatch):
         assert (status, headers["Retry-After"], text) == (503, "5", problem)
 
 
+async def test_image_of_another_page_takes_no_place_of_a_live_page(page, monkeypatch):
+    monkeypatch.setattr(streams, "MAX_TABS", 1)
+    image = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}
+    async with aiohttp.request("GET", f"{page.url}/live", headers=image) as refused:
+        async with aiohttp.request("GET", f"{page.url}/live") as response:
+            assert (refused.status, response.status) == (403, 200)
+        text = await refused.text()
+    assert text == (
+        "expected a request from a page of this server,"
+        " got one from another page (Sec-Fetch-Site: cross-site)\n"
+    )
+
+
+async def test_link_of_another_page_opens_the_live_page(page):
+    link = {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate"}
+    for path in ("/", "/health"):
+        assert (await fetch(f"{page.url}{path}", headers=link))[0] == 200
+
+
 async def test_pages_that_are_reset_at_once_leave_nothing_and_log_no_traceback(page, caplog):
     host, _, port = page.url.rpartition("/")[2].rpartition(":")
     request = f"GET /live HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n".encode()
@@ -564,16 +584,30 @@ async def test_websocket_upgrade_at_the_root_is_passed_on(folder, caplog):
         return socket
 
     async with Shown(folder, upgrade=echo) as page, aiohttp.ClientSession() as session:
-        headers = {"Origin": "http://localhost:3000"}
-        async with session.ws_connect(f"{page.url}/", headers=headers) as socket:
-            await socket.send_str("hello")
-            assert await socket.receive_str() == "hello"
+        async with session.ws_connect(f"{page.url}/", headers={"Origin": page.url}) as opened:
+            await opened.send_str("hello")
+            assert await opened.receive_str() == "hello"
         with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
             await session.ws_connect(page.url, headers={"Origin": "http://evil.example"})
         assert refused.value.status == 403
         assert "refused a WebSocket of 127.0.0.1: a page of another server may not" in caplog.text
         assert "--allow-origin http://evil.example" in caplog.text
         assert (await fetch(f"{page.url}/"))[2] == "<!doctype html>"
+
+
+async def test_websocket_of_a_page_is_accepted_while_this_user_serves_the_page(folder):
+    async def close(request):
+        upgraded = aiohttp.web.WebSocketResponse()
+        await upgraded.prepare(request)
+        return upgraded
+
+    async with Shown(folder, upgrade=close) as page, aiohttp.ClientSession() as session:
+        with socket.create_server(("127.0.0.1", 0)) as serving:
+            origin = {"Origin": f"http://localhost:{serving.getsockname()[1]}"}
+            await session.ws_connect(page.url, headers=origin)
+        if sys.platform == "linux":  # other systems do not show who serves a page
+            with pytest.raises(aiohttp.WSServerHandshakeError, match="403"):
+                await session.ws_connect(page.url, headers=origin)
 
 
 async def test_request_in_progress_does_not_delay_the_end_of_the_server(folder):

@@ -17,7 +17,7 @@ from srvgen.parser import parse_msg, parse_srv
 from srvgen.typehash import Hasher
 from tests.srvgen.hostile import bundled, define, refused
 
-NASTY = st.text(st.sampled_from("\"'\\{}()[]=;,:%abz_ \0\x1b\u202e\ud800é"), max_size=25)
+NASTY = st.text(st.sampled_from("\"'\\{}()[]=;,:%abz_ \0\x1b\u202eé"), max_size=25)
 
 
 def shape(source: str) -> list[str]:

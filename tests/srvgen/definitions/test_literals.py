@@ -88,6 +88,18 @@ def test_a_wrong_array_is_refused_at_the_wrong_place(text, kind, offset):
     assert caught.value.offset == offset
 
 
+@pytest.mark.parametrize("text", [r"\ud800", r'"a\\\udfff"', r"'\ud83d\ude00'", r"\U0000dc00"])
+def test_escape_of_a_lone_surrogate_is_refused(text):
+    for type_text, value in (("string", text), ("wstring", text), ("string[]", f"[{text}]")):
+        with pytest.raises(InvalidText, match="got the lone surrogate"):
+            parse_default(value, parse_type(type_text, "my_msgs"))
+
+
+@pytest.mark.parametrize("text", [r"\ud7ff\ue000", r"\\ud800", r"\U0001f600", r"\ud8"])
+def test_other_escapes_and_escaped_backslashes_are_accepted(text):
+    assert parse_default(text, parse_type("string", "my_msgs")) == text
+
+
 def test_escapes_are_resolved_for_classes_and_unknown_ones_stay():
     assert unescape(r"a\tb\u0041\x41\\") == "a\tbAA\\"
     assert unescape(r"C:\dir \U99999999") == r"C:\dir \U99999999"

@@ -57,8 +57,8 @@ _MAX_QUEUED = 1000
 class Monitoring:
     """Measures a server, and serves its pages and its live page at HOST:PORT.
 
-    Pages of `origins` may open a WebSocket there too, besides those of this machine. A reverse
-    proxy may serve the pages at these addresses.
+    Pages of `origins` may open a WebSocket there too, besides those that this user serves on this
+    machine. A reverse proxy may serve the pages at these addresses.
     """
 
     def __init__(
