@@ -95,10 +95,15 @@ class Document:
             problem = f"not valid YAML: the character {text[error.position]!r} is not allowed"
             self._fail_at((len(above), len(before)), problem)
 
-    def fail(self, node: Node | None, problem: str) -> NoReturn:
-        """Raise an error at the place of `node`; None: for the whole file."""
+    def fail(self, node: Node | None, problem: str, offset: int = 0) -> NoReturn:
+        """Raise an error at the place of `node`; None: for the whole file.
+
+        `offset` is the position of the mistake in a scalar of one line.
+        """
         mark = node.start_mark if node else None
-        self._fail_at((mark.line, mark.column) if mark else None, problem)
+        if node and offset and node.style:
+            offset += 1  # the quotation mark
+        self._fail_at((mark.line, mark.column + offset) if mark else None, problem)
 
     def _fail_at(self, location: tuple[int, int] | None, problem: str) -> NoReturn:
         if location is None:
