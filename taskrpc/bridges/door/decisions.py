@@ -161,7 +161,8 @@ def _limit_refusal(rules: Rules, target: str, message: object) -> Decision | Non
 
 
 def _problems(limit: Limit, message: object) -> Iterator[str]:
-    for where, value in _found(message, limit.path, ""):
+    whole = _MISSING if isinstance(message, _ARRAYS) else message
+    for where, value in _found(whole, limit.path, ""):
         if value is _MISSING:
             yield f"{where}: expected this field, because it has a limit; the request has none"
             continue

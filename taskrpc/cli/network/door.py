@@ -27,7 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("target", metavar="TARGET", nargs="?", help="A service or topic that the name would use")
     what = 'The request or message in YAML, with all fields that have limits (e.g. "{priority: 3}")'
     add("message", metavar="VALUES", nargs="?", help=what)
-    what = "What the name would do with it: call, publish or read (default: call)"
+    what = "What the name would do with it (default: call)"
     add("--verb", choices=("call", "publish", "read"), default="call", help=what)
     explain.set_defaults(run=_explain)
 

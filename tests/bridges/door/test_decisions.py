@@ -148,6 +148,7 @@ def test_a_request_that_a_rule_permits_passes(verb, target, message, text):
         ),
         ("call", "/robot_task", None, "priority: 1..5", "priority: expected this field"),
         ("call", "/robot_task", ["move"], "priority: 1..5", "priority: expected this field"),
+        ("call", "/robot_task", [], "priority: 1..5", "priority: expected this field"),
         ("call", "/robot_task/list", {}, "speed: ..2", "speed: expected this field"),
         (
             "publish",
