@@ -227,14 +227,16 @@ def _counted(
     rules: Rules, name: str, target: str, now: float, counts: Counts
 ) -> tuple[Decision | None, Counts]:
     """Return the counts with this request, or the refusal if a rate is reached."""
+    rates = [each for each in rules.rate if matches(each.target, target)]
+    if not rates:
+        return None, counts
     new = dict(counts.times)
-    for rate in rules.rate:
-        if matches(rate.target, target):
-            key = name, rate.target
-            recent = [each for each in new.get(key, ()) if now - each < rate.period]
-            if len(recent) >= rate.count:
-                return _too_soon(rate, recent, now), counts
-            new[key] = (*recent, now)
+    for rate in rates:
+        key = name, rate.target
+        recent = [each for each in new.get(key, ()) if now - each < rate.period]
+        if len(recent) >= rate.count:
+            return _too_soon(rate, recent, now), counts
+        new[key] = (*recent, now)
     return None, Counts(new)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskrpc.bridges.door.policy import Limit, Rule, Rules, overlaps
+from taskrpc.bridges.door.policy import VERBS, Limit, Limits, Rule, Rules, overlaps
 
 _NOT_BELOW = ", except hidden names and the services that every node has"
 
@@ -65,15 +65,8 @@ def _without_effect(name: str, rules: Rules) -> Iterator[str]:
     for rule in (*rules.dry_run, *rules.ask, *rules.may):
         if rule not in permitted and any(each.includes(rule) for each in rules.never):
             yield f"line {rule.line} has no effect: {name} may never {rule}"
-    sent = [rule.target for rule in permitted if rule.verb != "read"]
-    everything = [rule.target for rule in permitted]
-    for listed, what, targets in (
-        (rules.limits, "limits", sent),
-        (rules.rate, "rate", everything),
-        (rules.when, "times", everything),
-    ):
-        for each in listed:
-            if not any(overlaps(each.target, target) for target in targets):
-                verbs = "call it or publish to it" if what == "limits" else "use it"
-                problem = f"no rule lets {name} {verbs}"
-                yield f"line {each.line}: the {what} of {each.target} have no effect: {problem}"
+    for one in (*rules.limits, *rules.rate, *rules.when):
+        verbs = ("call", "publish") if isinstance(one, Limits) else VERBS
+        if not any(each.verb in verbs and overlaps(each.target, one.target) for each in permitted):
+            unused = f"no rule lets {name} {' or '.join(verbs)} {one.target}"
+            yield f"line {one.line} has no effect: {unused}"

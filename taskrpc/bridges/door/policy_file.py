@@ -37,6 +37,8 @@ APPROVAL_TIMEOUT = 60.0
 MOST_REQUESTS = 1000
 """The largest count of a rate: the door keeps the times of so many requests."""
 
+_LONGEST_NUMBER = 400
+"""Python refuses to read an integer of some thousand digits."""
 _DAYS = ("mon", "tue", "wed", "thu", "fri", "sat", "sun")
 _UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "day": 86400.0}
 _NUMBER = r"[-+]?[0-9]+(?:\.[0-9]+)?(?:[eE][-+]?[0-9]+)?"
@@ -240,7 +242,7 @@ class _Reader:
         return text
 
     def _number(self, node: documents.Node, text: str) -> int | float:
-        value = float(text)
+        value = float(text) if len(text) <= _LONGEST_NUMBER else math.inf
         if not math.isfinite(value):
             self._fail(node, f"expected a number that a float64 can hold, got {text[:40]}")
         return int(text) if re.fullmatch("[-+]?[0-9]+", text) else value

@@ -63,8 +63,8 @@ a (line 1)
   may never call /x/*
   may do nothing else
   note: line 2 has no effect: a may never call /x/y
-  note: line 4: the limits of /pose have no effect: no rule lets a call it or publish to it
-  note: line 5: the rate of /z have no effect: no rule lets a use it"""
+  note: line 4 has no effect: no rule lets a call or publish /pose
+  note: line 5 has no effect: no rule lets a call or read or publish /z"""
     )
 
 

@@ -1,6 +1,8 @@
 """A policy is read as it is written, and each mistake shows its line and what to do."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from taskrpc.bridges.door import PolicyError, parse_policy
 from taskrpc.bridges.door.policy import Limit, Range, Rate, Rule, Values
@@ -187,3 +189,16 @@ def test_known_names_are_no_mistakes():
     known = Known(["/robot_task", "/robot_task/run/_action/send_goal"], ["/pose"])
     text = "may: [call /robot_task, call /robot_task/run, call /robot_task/*, read /*, read /pose]"
     assert len(parse_policy(rules(text), "door.yaml", known).names["agents"].may) == 5
+
+
+@given(st.integers(0, len(GOOD)), st.integers(0, 5), st.text(max_size=5))
+def test_every_text_gives_a_policy_or_a_mistake_with_its_place(at, count, new):
+    try:
+        parse_policy(GOOD[:at] + new + GOOD[at + count :], "door.yaml")
+    except PolicyError as error:
+        assert str(error).startswith("door.yaml:")
+
+
+def test_a_number_of_any_length_is_read_or_refused():
+    with pytest.raises(PolicyError, match="expected a number that a float64 can hold, got 000"):
+        parse_policy(rules(f"limits: {{/x: {{a: {'0' * 5000}1}}}}"))
