@@ -87,9 +87,8 @@ class _Reader:
         return Policy({self._name(key): self._rules(key, value) for key, value in entries})
 
     def _name(self, node: documents.Node) -> str:
-        if account_name_problem(node.value):
-            expected = "1 to 64 letters, digits or any of _.@+-"
-            self._fail(node, f"a name: expected {expected}, got {node.value!r}")
+        if problem := account_name_problem(node.value):
+            self._fail(node, problem)
         return str(node.value)
 
     def _rules(self, key: documents.Node, value: documents.Node) -> Rules:

@@ -24,7 +24,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = explain.add_argument
     add("file", metavar="FILE", help="The policy (YAML)")
     add("name", metavar="NAME", nargs="?", help="A name of the policy (default: all)")
-    add("target", metavar="TARGET", nargs="?", help="A service or topic that the name would use")
+    what = "A service or topic that the name would use"
+    add("service_name", metavar="TARGET", nargs="?", help=what)
     what = 'The request or message in YAML, with all fields that have limits (e.g. "{priority: 3}")'
     add("message", metavar="VALUES", nargs="?", help=what)
     what = "What the name would do with it (default: call)"
@@ -63,7 +64,7 @@ def _explain(options: argparse.Namespace) -> int:
     if options.name is not None and options.name not in policy.names:
         problem = f"{options.file} has no rules for {options.name!r}"
         raise hinted(NotFound(problem), did_you_mean(options.name, policy.names))
-    if options.target is not None:
+    if options.service_name is not None:
         return _decide(options, policy, text)
     for name, rules in policy.names.items():
         if options.name in (None, name):
@@ -77,7 +78,7 @@ def _decide(options: argparse.Namespace, policy: Policy, text: str) -> int:
     from taskrpc.bridges.door.door import present
     from taskrpc.spi import names
 
-    target = names.expand(options.target, kind="name")
+    target = names.expand(options.service_name, kind="name")
     message = _message(options.message)
     decision, _ = decide(policy, options.name, options.verb, target, message, present(), Counts())
     print(decision)

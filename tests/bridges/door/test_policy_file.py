@@ -92,7 +92,10 @@ def rules(text):
 MISTAKES = {
     "empty": ("", "door.yaml: error: the policy is empty"),
     "no names": ("- call /x", "1:1: error: a policy: expected entries as `name: value`"),
-    "wrong name": ("a b: {}", "1:1: error: a name: expected 1 to 64 letters, digits or any of"),
+    "wrong name": (
+        "a b: {}",
+        "1:1: error: an account's name: expected 1 to 64 letters, digits or any of",
+    ),
     "rule": (rules("mya: []"), "2:3: error: agents has no 'mya' (did you mean 'may'?): expected"),
     "no list": (rules("may: call /x"), "2:8: error: may: expected a list, got 'call /x'"),
     "no verb": (
