@@ -7,9 +7,10 @@ Everything is refused that no rule permits. `never` wins over all other rules; a
 from __future__ import annotations
 
 from array import array
-from collections.abc import Hashable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from enum import Enum
 from functools import lru_cache
+from typing import Any
 
 import msgspec
 
@@ -209,12 +210,13 @@ def _found(value: object, path: tuple[str, ...], where: str) -> Iterator[tuple[s
 def _field(value: object, name: str) -> object:
     if isinstance(value, dict):
         return value.get(name, _MISSING)
-    attribute = _attributes(type(value)).get(name)
+    cls: Any = type(value)  # no Hashable for mypy, which the cache needs
+    attribute = _attributes(cls).get(name)
     return _MISSING if attribute is None else getattr(value, attribute)
 
 
 @lru_cache(_KEPT_CLASSES)
-def _attributes(cls: Hashable) -> dict[str, str]:
+def _attributes(cls: Any) -> dict[str, str]:
     """Return the attribute of each field of a message class; a keyword has an underscore more."""
     fields = [name for name, _ in getattr(cls, "_FIELDS", ())]
     return dict(zip(fields, getattr(cls, "__struct_fields__", fields), strict=True))

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from taskrpc.bridges.door.policy import VERBS, Limit, Limits, Rule, Rules, overlaps
+from taskrpc.bridges.door.policy import (
+    VERBS,
+    Hours,
+    Limit,
+    Limits,
+    Rate,
+    Rule,
+    Rules,
+    overlaps,
+)
 
 _NOT_BELOW = ", except hidden names and the services that every node has"
 
@@ -65,7 +74,8 @@ def _without_effect(name: str, rules: Rules) -> Iterator[str]:
     for rule in (*rules.dry_run, *rules.ask, *rules.may):
         if rule not in permitted and any(each.includes(rule) for each in rules.never):
             yield f"line {rule.line} has no effect: {name} may never {rule}"
-    for one in (*rules.limits, *rules.rate, *rules.when):
+    others: tuple[Limits | Rate | Hours, ...] = (*rules.limits, *rules.rate, *rules.when)
+    for one in others:
         verbs = ("call", "publish") if isinstance(one, Limits) else VERBS
         if not any(each.verb in verbs and overlaps(each.target, one.target) for each in permitted):
             unused = f"no rule lets {name} {' or '.join(verbs)} {one.target}"

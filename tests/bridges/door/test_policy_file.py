@@ -94,7 +94,7 @@ MISTAKES = {
     "no names": ("- call /x", "1:1: error: a policy: expected entries as `name: value`"),
     "wrong name": (
         "a b: {}",
-        "1:1: error: an account's name: expected 1 to 64 letters, digits or any of",
+        "1:1: error: an account's name: expected 1 to 64 letters",
     ),
     "rule": (rules("mya: []"), "2:3: error: agents has no 'mya' (did you mean 'may'?): expected"),
     "no list": (rules("may: call /x"), "2:8: error: may: expected a list, got 'call /x'"),
