@@ -118,7 +118,8 @@ limits = st.dictionaries(
     | st.fixed_dictionaries({"each": bounds}),
     max_size=2,
 )
-windows = st.sampled_from(["mon-fri 08:00..18:00", "tue-tue 22:00..06:00", "mon-sun 00:00..12:00"])
+windows = st.sampled_from(["mon-fri 08:00..18:00", "tue-tue 22:00..06:00", "mon-sun 00:00..24:00"])
+wide = st.lists(st.sampled_from(["call /*", "publish /*", "read /lab/*"]), min_size=1, max_size=3)
 
 
 def by_target(values):
@@ -126,7 +127,7 @@ def by_target(values):
 
 
 policies = st.fixed_dictionaries(
-    {"may": rules},
+    {"may": rules | st.builds(list.__add__, rules, wide)},
     optional={
         "ask": rules,
         "never": rules,
@@ -135,17 +136,16 @@ policies = st.fixed_dictionaries(
         "when": by_target(windows),
     },
 )
-values = st.sampled_from(VALUES)
+values = st.sampled_from([0, 1, 5, "dock"]) | st.sampled_from(VALUES)
 items = values | st.lists(values, max_size=3)
-messages = st.fixed_dictionaries(
-    {},
-    optional={
-        "priority": items,
-        "linear": st.fixed_dictionaries({}, optional={"x": items}) | items,
-        "poses": st.lists(st.fixed_dictionaries({}, optional={"x": items}), max_size=3) | items,
-        "names": items,
-    },
-)
+points = st.fixed_dictionaries({"x": items})
+fields = {
+    "priority": items,
+    "linear": points | items,
+    "poses": st.lists(points, max_size=3) | items,
+    "names": items,
+}
+messages = st.fixed_dictionaries(fields) | st.fixed_dictionaries({}, optional=fields)
 
 
 def spellings(target):
@@ -163,7 +163,8 @@ def spellings(target):
 
 requests = st.tuples(
     verbs,
-    st.sampled_from([each for target in TARGETS for each in spellings(target)]),
+    st.sampled_from(TARGETS).map(lambda target: (target, target))
+    | st.sampled_from([each for target in TARGETS for each in spellings(target)]),
     messages,
     st.floats(0.0, 40.0),
     st.integers(0, 7 * 1440 - 1) | st.integers(480, 500),
