@@ -151,14 +151,15 @@ messages = st.fixed_dictionaries(fields) | st.fixed_dictionaries({}, optional=fi
 def spellings(target):
     """Every way in which a node `/lab/robot_task` may write a name, right or wrong."""
     own = f"{NAMESPACE}/{NODE}"
-    found = [target, target, f"/{target}", f"{target}/", target.replace("/", "//"), target.upper()]
+    found = [target, target, f"/{target}", f"{target}/", target.replace("/", "//")]
     found += [f"{{ns}}/..{target}", f" {target}", target.replace("o", "\u043e"), f"{target}\n"]
     if target.startswith(f"{NAMESPACE}/"):
         found += [target.removeprefix(f"{NAMESPACE}/"), target.replace(NAMESPACE, "{ns}", 1)]
         found += [target.replace(NAMESPACE, "/{namespace}", 1), target.replace(NODE, "{node}")]
     if target.startswith(own):
         found.append(target.replace(own, "~", 1))
-    return [(each, target) for each in found]
+    other = target.upper()  # names are case-sensitive: this is another service
+    return [*((each, target) for each in found), (other, other)]
 
 
 requests = st.tuples(
