@@ -32,8 +32,8 @@ _ARRAYS = (list, tuple, array)
 _SIZED = (str, bytes, *_ARRAYS)
 _MISSING = object()
 """The value of a field that a message does not have."""
-_KEPT_CLASSES = 1024
-"""Message classes whose fields are remembered."""
+_KEPT = 1024
+"""Names that are remembered as valid, and message classes with their fields."""
 
 
 class Outcome(Enum):
@@ -105,7 +105,13 @@ def decide(
     rules = policy.names.get(name)
     if rules is None:
         return refused(f"the policy has no rules for {shown(name)}"), counts
-    refusal = _target_refusal(verb, target) or _rule_refusal(rules, name, verb, target, moment)
+    if verb not in VERBS:
+        return refused(f"expected {', '.join(VERBS)}, got {shown(verb)}"), counts
+    try:
+        _check_absolute(target)
+    except InvalidName as error:
+        return refused(f"{shown(target)}: {error.problem}"), counts
+    refusal = _rule_refusal(rules, name, verb, target, moment)
     if refusal is None and verb != "read":
         refusal = _limit_refusal(rules, target, message)
     if refusal is None:
@@ -113,14 +119,9 @@ def decide(
     return refusal or _permission(rules, verb, target), counts
 
 
-def _target_refusal(verb: str, target: str) -> Decision | None:
-    if verb not in VERBS:
-        return refused(f"expected {', '.join(VERBS)}, got {shown(verb)}")
-    try:
-        names.check_absolute(target, "service name" if verb == "call" else "topic name")
-    except InvalidName as error:
-        return refused(f"{shown(target)}: {error.problem}")
-    return None
+@lru_cache(_KEPT)
+def _check_absolute(target: str) -> None:
+    names.check_absolute(target, "name")
 
 
 def _rule_refusal(
@@ -215,7 +216,7 @@ def _field(value: object, name: str) -> object:
     return _MISSING if attribute is None else getattr(value, attribute)
 
 
-@lru_cache(_KEPT_CLASSES)
+@lru_cache(_KEPT)
 def _attributes(cls: Any) -> dict[str, str]:
     """Return the attribute of each field of a message class; a keyword has an underscore more."""
     fields = [name for name, _ in getattr(cls, "_FIELDS", ())]

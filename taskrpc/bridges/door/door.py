@@ -6,6 +6,7 @@ import logging
 import os
 import time
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
@@ -19,6 +20,9 @@ log = logging.getLogger("taskrpc.door")
 
 CHECK_PERIOD = 1.0
 """Seconds after which a request makes the door look whether the file has changed."""
+
+_KEPT_NAMES = 512
+"""Names of requests that a door remembers with their meaning."""
 
 
 class Resolver(Protocol):
@@ -48,6 +52,7 @@ class Door:
         self._path = Path(path)
         self._node = node
         self._now = now or present
+        self._resolved = lru_cache(_KEPT_NAMES)(self._resolve)
         self._counts = Counts()
         self._seen = _signature(self._path)
         self._checked_at = self._now().seconds
@@ -90,7 +95,7 @@ class Door:
         log.info("%s: new rules for %s", self._path, ", ".join(self.policy.names) or "no names")
         return True
 
-    def _resolved(self, verb: str, target: str) -> str:
+    def _resolve(self, verb: str, target: str) -> str:
         is_service = verb == "call"
         if self._node is None:
             return names.expand(target, kind="service name" if is_service else "topic name")
@@ -116,8 +121,14 @@ def policy_text(path: str | os.PathLike[str]) -> str:
 
 def present() -> Moment:
     """Return the present time."""
-    local = time.localtime(time_of_day())
-    return Moment(time.monotonic(), local.tm_wday * DAY + local.tm_hour * 60 + local.tm_min)
+    return Moment(time.monotonic(), _minute_of_week(int(time_of_day() // 60)))
+
+
+@lru_cache(1)
+def _minute_of_week(minute: int) -> int:
+    """Return the minute of the week in local time for a minute since 1970."""
+    local = time.localtime(minute * 60)
+    return local.tm_wday * DAY + local.tm_hour * 60 + local.tm_min
 
 
 def _read_trusted(path: Path) -> Policy:

@@ -99,11 +99,11 @@ def test_a_request_that_a_rule_permits_passes(verb, target, message, text):
             "no rule lets agents call /robot_task/set_parameters",
         ),
         ("Call", "/robot_task", TASK, "", "expected call, read, publish, got 'Call'"),
-        ("call", "robot_task", TASK, "", "'robot_task': service name must be absolute"),
-        ("call", "/robot_task/", TASK, "", "'/robot_task/': service name must not end with"),
-        ("call", "//robot_task", TASK, "", "'//robot_task': service name must not contain"),
-        ("call", "", TASK, "", "'': service name must not be empty"),
-        ("call", "/robot_t\u0430sk", TASK, "", r"'/robot_t\u0430sk': service name must not cont"),
+        ("call", "robot_task", TASK, "", "'robot_task': name must be absolute"),
+        ("call", "/robot_task/", TASK, "", "'/robot_task/': name must not end with"),
+        ("call", "//robot_task", TASK, "", "'//robot_task': name must not contain"),
+        ("call", "", TASK, "", "'': name must not be empty"),
+        ("call", "/robot_t\u0430sk", TASK, "", r"'/robot_t\u0430sk': name must not cont"),
         (
             "call",
             "/robot_task",
@@ -237,6 +237,23 @@ def test_never_wins_over_a_permission_of_the_same_name():
 def test_the_strictest_permission_decides(rules, outcome):
     policy = parse_policy(f"a: {{{rules}}}")
     decision, _ = decide(policy, "a", "call", "/x", None, MONDAY_NOON, Counts())
+    assert decision.outcome is outcome
+
+
+@pytest.mark.parametrize("target", ["/x/_hidden", "/x/set_parameters"])
+@pytest.mark.parametrize(
+    ("rule", "outcome"),
+    [
+        ("never: [call /x/*]", Outcome.REFUSED),
+        ("ask: [call /x/*]", Outcome.NEEDS_APPROVAL),
+        ("dry_run: [call /x/*]", Outcome.DRY_RUN),
+        ("limits: {/x/*: {n: 1}}", Outcome.REFUSED),
+        ("when: {/x/*: tue 08:00..18:00}", Outcome.REFUSED),
+    ],
+)
+def test_a_pattern_that_restricts_includes_hidden_names(target, rule, outcome):
+    policy = parse_policy(f"a: {{may: [call {target}], {rule}}}")
+    decision, _ = decide(policy, "a", "call", target, None, MONDAY_NOON, Counts())
     assert decision.outcome is outcome
 
 
