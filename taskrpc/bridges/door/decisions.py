@@ -29,7 +29,7 @@ from taskrpc.errors import InvalidName
 from taskrpc.spi import names
 
 _ARRAYS = (list, tuple, array)
-_SIZED = (str, bytes, *_ARRAYS)
+_SIZED = (str, *_ARRAYS)
 _MISSING = object()
 """The value of a field that a message does not have."""
 _KEPT = 1024

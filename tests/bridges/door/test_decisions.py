@@ -146,6 +146,13 @@ def test_a_request_that_a_rule_permits_passes(verb, target, message, text):
             "priority: 1..5",
             "priority: expected this field, because it has a limit; the request has none",
         ),
+        (
+            "call",
+            "/robot_task",
+            {**TASK, "task_type": b"move"},
+            "task_type: {length: ..6}",
+            "task_type: expected an array or a text, got a value of type bytes",
+        ),
         ("call", "/robot_task", None, "priority: 1..5", "priority: expected this field"),
         ("call", "/robot_task", ["move"], "priority: 1..5", "priority: expected this field"),
         ("call", "/robot_task", [], "priority: 1..5", "priority: expected this field"),

@@ -11,8 +11,8 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from taskrpc.bridges.door import Door, Outcome
-from taskrpc.bridges.door.decisions import Moment
+from taskrpc.bridges.door import Door, Outcome, parse_policy
+from taskrpc.bridges.door.decisions import Counts, Moment, decide
 from taskrpc.node import Node
 from tests.properties import examples
 
@@ -111,13 +111,12 @@ verbs = st.sampled_from(["call", "read", "publish"])
 rules = st.lists(st.builds("{} {}".format, verbs, st.sampled_from(PATTERNS)), max_size=3)
 bounds = st.sampled_from([*RANGES, *LISTS])
 lengths = st.sampled_from(["0..2", "..1", 2])
-limits = st.dictionaries(
-    st.sampled_from(FIELDS),
+limit = (
     bounds
     | st.fixed_dictionaries({"length": lengths}, optional={"each": bounds})
-    | st.fixed_dictionaries({"each": bounds}),
-    max_size=2,
+    | st.fixed_dictionaries({"each": bounds})
 )
+limits = st.dictionaries(st.sampled_from(FIELDS), limit, max_size=2)
 windows = st.sampled_from(["mon-fri 08:00..18:00", "tue-tue 22:00..06:00", "mon-sun 00:00..24:00"])
 wide = st.lists(st.sampled_from(["call /*", "publish /*", "read /lab/*"]), min_size=1, max_size=3)
 
@@ -198,3 +197,13 @@ async def tried(path, rules, sent):
 @given(policies, st.lists(requests, min_size=1, max_size=8))
 async def test_no_request_passes_that_a_naive_reading_refuses(path, rules, sent):
     await tried(path, rules, sent)
+
+
+@settings(max_examples=examples(2000))
+@given(limit, items)
+def test_no_value_passes_that_a_naive_reading_of_its_limit_refuses(limit, value):
+    rules = {"may": ["call /x"], "limits": {"/x": {"field": limit}}}
+    policy = parse_policy(yaml.safe_dump({"a": rules}))
+    message = {"field": value}
+    decision, _ = decide(policy, "a", "call", "/x", message, Moment(0.0, 0), Counts())
+    assert decision.outcome is Outcome.REFUSED or within(value, limit)
