@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     )
     from taskrpc.actions.names import action_of_feedback, names_of
     from taskrpc.actions.states import GoalEvent, InvalidTransition
-    from taskrpc.core import names, yaml_text
+    from taskrpc.core import names, yaml_document, yaml_text
     from taskrpc.core.callinfo import Denied, answering
     from taskrpc.core.current_program import current_program
     from taskrpc.core.exactly_once.completions import CompletionBatch, CompletionIndex
@@ -140,7 +140,7 @@ _HOMES = {
     "actions.messages": "FEEDBACK_QOS STATUS_QOS ActionMessages bytes_of nanoseconds_of states_in",
     "actions.names": "action_of_feedback names_of",
     "actions.states": "GoalEvent InvalidTransition",
-    "core": "names yaml_text",
+    "core": "names yaml_document yaml_text",
     "core.callinfo": "Denied answering",
     "core.current_program": "current_program",
     "core.exactly_once.completions": "CompletionBatch CompletionIndex",
@@ -348,6 +348,7 @@ __all__ = [
     "time_of_day_ns",
     "with_address",
     "with_checksum",
+    "yaml_document",
     "yaml_text",
 ]
 

@@ -4,10 +4,9 @@ Start reading with `protocol`. `driver` is the simulated robot, `kinematics` its
 and `mapfile` the map. Nothing here knows about tasks, queues or the network.
 """
 
-from taskrpc.robot.document import MapError
 from taskrpc.robot.driver import KinematicRobot
 from taskrpc.robot.kinematics import Limits
-from taskrpc.robot.mapfile import default_world, parse_map, read_map
+from taskrpc.robot.mapfile import MapError, default_world, parse_map, read_map
 from taskrpc.robot.obstacles import Box
 from taskrpc.robot.protocol import Plan, Pose, Robot, RobotStopped, RobotTelemetry, TargetError
 from taskrpc.robot.world import World

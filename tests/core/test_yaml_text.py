@@ -12,8 +12,7 @@ from taskrpc.cli.shared.messages import Template
 from taskrpc.cli.shared.values import build_request
 from taskrpc.core import yaml_text
 from taskrpc.errors import InvalidRequest
-from taskrpc.robot.document import MapError
-from taskrpc.robot.mapfile import parse_map
+from taskrpc.robot.mapfile import MapError, parse_map
 from taskrpc.ros.packages.rclpy._impl.parameters.yaml_parameters import read_file, read_value
 from taskrpc.ros.packages.rclpy.parameter import get_parameter_value, parameter_dict_from_yaml_file
 

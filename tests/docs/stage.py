@@ -19,6 +19,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import srvgen
+from taskrpc.bridges.door import parse_policy
 from taskrpc.robot import parse_map
 from taskrpc.ros.packages.rclpy._impl.parameters.yaml_parameters import ROS_PARAMETERS, read_file
 from tests.installed import add_package
@@ -43,6 +44,7 @@ sys.argv.pop(0)
 sys.exit(getattr(importlib.import_module(module), function)())
 """
 _OURS = ("TASKRPC_", "ROS_DOMAIN_ID", "AMENT_PREFIX_PATH", "COLUMNS", "NO_COLOR")
+_POLICY = re.compile("^  may:", re.MULTILINE)
 _PARSERS = {"srv": srvgen.parse_srv, "msg": srvgen.parse_msg, "action": srvgen.parse_action}
 
 
@@ -285,6 +287,8 @@ def _check_text(block: Block) -> None:
             stack.enter_context(_refused())
         if block.kind == "yaml" and ROS_PARAMETERS in block.text:
             read_file(block.text)
+        elif block.kind == "yaml" and _POLICY.search(block.text):
+            parse_policy(block.text)
         elif block.kind == "yaml":
             parse_map(block.text)
         elif block.kind == "xml":

@@ -1,8 +1,6 @@
 """A YAML document whose values know their line and column, for error messages with a caret."""
 
-import contextlib
 import difflib
-import math
 import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn, Protocol
@@ -29,8 +27,8 @@ class Node(Protocol):
     start_mark: "Mark"
 
 
-class MapError(TaskRpcError, ValueError):
-    """A map file cannot be read, or it describes no map that the robot can use.
+class DocumentError(TaskRpcError, ValueError):
+    """A YAML file of a user has a mistake.
 
     Attributes:
         problem: one sentence: what was expected and what was received.
@@ -61,24 +59,27 @@ class MapError(TaskRpcError, ValueError):
 
 
 class Document:
-    """One YAML document; every method raises a `MapError` with the place of a wrong value.
+    """One YAML document; every method raises an `error` with the place of a wrong value.
 
-    Raises:
-        MapError: it is empty or not valid YAML.
+    `what` is what messages call the whole document. Raises `error` if the document is empty or not
+    valid YAML.
     """
 
-    def __init__(self, text: str, path: str) -> None:
+    def __init__(
+        self, text: str, path: str, *, what: str, error: type[DocumentError] = DocumentError
+    ) -> None:
         self._lines = _LINE_BREAK.split(text)
         self._path = path
+        self._error = error
         root = self._compose(text)
         if root is None:
-            self.fail(None, "the map is empty")
+            self.fail(None, f"{what} is empty")
         self.root: Node = root
 
     def _compose(self, text: str) -> Any:
         import yaml  # not at the top: a server with its own robot class reads no map
 
-        from taskrpc.spi import yaml_text
+        from taskrpc.core import yaml_text
 
         try:
             return yaml_text.compose(text)
@@ -94,17 +95,22 @@ class Document:
             problem = f"not valid YAML: the character {text[error.position]!r} is not allowed"
             self._fail_at((len(above), len(before)), problem)
 
-    def fail(self, node: Node | None, problem: str) -> NoReturn:
-        """Raise a `MapError` at the place of `node`; None: for the whole file."""
+    def fail(self, node: Node | None, problem: str, offset: int = 0) -> NoReturn:
+        """Raise an error at the place of `node`; None: for the whole file.
+
+        `offset` is the position of the mistake in a scalar of one line.
+        """
         mark = node.start_mark if node else None
-        self._fail_at((mark.line, mark.column) if mark else None, problem)
+        if node and offset and node.style:
+            offset += 1  # the quotation mark
+        self._fail_at((mark.line, mark.column + offset) if mark else None, problem)
 
     def _fail_at(self, location: tuple[int, int] | None, problem: str) -> NoReturn:
         if location is None:
-            raise MapError(problem, self._path) from None
+            raise self._error(problem, self._path) from None
         line, column = location
         source_line = self._lines[line] if line < len(self._lines) else ""
-        raise MapError(problem, self._path, line + 1, column + 1, source_line) from None
+        raise self._error(problem, self._path, line + 1, column + 1, source_line) from None
 
     def entries(self, node: Node, what: str) -> list[tuple[Node, Node]]:
         """Return the keys and values of a mapping without duplicate keys."""
@@ -149,22 +155,6 @@ class Document:
             self.fail(node, f"{what}: expected a list, got {describe(node)}")
         items: list[Node] = node.value
         return items
-
-    def numbers(self, node: Node, what: str, names: str) -> list[float]:
-        """Return the numbers of a list that has one for each of the comma-separated `names`."""
-        if node.id != "sequence" or len(node.value) != names.count(",") + 1:
-            self.fail(node, f"{what}: expected [{names}] in metres, got {describe(node)}")
-        return [self.number(item, what) for item in node.value]
-
-    def number(self, node: Node, what: str) -> float:
-        """Return a finite number."""
-        value = math.nan
-        if node.id == "scalar" and node.style is None:
-            with contextlib.suppress(ValueError):
-                value = float(node.value)
-        if not math.isfinite(value):
-            self.fail(node, f"{what}: expected a number in metres, got {describe(node)}")
-        return value
 
 
 def describe(node: Node) -> str:
