@@ -234,7 +234,9 @@ class Rehearsal:
 
             def action(state, now, number=number):
                 task = state.tasks.get(number)
-                decision = requests.requeue(task, number, resume=True, refusal=lambda _: "")
+                decision = requests.requeue(
+                    task, number, now, "", resume=True, refusal=lambda _: ""
+                )
                 rules.carry_out(state, now, decision, lambda task: 0.0)
 
             await self.observer.transact(action)
