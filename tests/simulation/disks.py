@@ -8,6 +8,7 @@ import collections
 from taskrpc import OutcomeUnknown, StoreError
 from taskrpc.core.exactly_once.stores import MemoryCompletions
 from taskrpc.robot.tasks.model import TaskState
+from taskrpc.robot.tasks.records.history import DEFAULT
 from taskrpc.robot.tasks.records.store import MemoryStore
 
 
@@ -128,6 +129,7 @@ class TaskDisk:
         self._on_their_way = collections.defaultdict(list)
         self._since = {}
         self._begun = set()
+        self.history = DEFAULT
 
     async def load(self):
         await self._file.read()

@@ -46,8 +46,6 @@ _TOLERANCE = 0.005  # real seconds that an execution may be late before the esti
 class TaskSettings(QueueSettings, frozen=True, kw_only=True):
     """The settings of a task manager."""
 
-    keep_ended: int = 1000
-    """How many ended tasks are remembered, besides the interrupted ones."""
     wall_clock: Callable[[], float] = time_of_day
     """Returns the time of day in seconds since 1970."""
     journal: QueueJournal | None = None
@@ -72,9 +70,7 @@ class TaskManager(ManagedRobot):
         # time in milliseconds since 1970.
         self.change_feed = ChangeFeed(max(1, int(settings.wall_clock() * 1000)))
         """Announces every change to watchers."""
-        self.repository: TaskRepository = TaskRepository(
-            store, self.change_feed, keep_ended=settings.keep_ended
-        )
+        self.repository: TaskRepository = TaskRepository(store, self.change_feed)
         """Every remembered task."""
         self._estimated_queue = self._make_queue(settings.journal)
         self.queue = self._estimated_queue.queue

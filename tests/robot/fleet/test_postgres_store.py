@@ -11,10 +11,13 @@ from taskrpc.robot.fleet import rules
 from taskrpc.robot.fleet.store import AlreadyCompleted
 from tests.faults.postgres_proxy import CUT, SWALLOW, PostgresProxy
 from tests.robot.fleet.fakes import robot, task
-from tests.robot.tasks.records.store_rules import StoreRules
+from tests.robot.tasks.records.store_rules import HistoryRules, Opened, StoreRules, ended
 
 psycopg = pytest.importorskip("psycopg")
 
+from taskrpc.robot.fleet.postgres_archive import PostgresEndedTasks  # noqa: E402
+from taskrpc.robot.fleet.postgres_connection import DatabaseUrl, close  # noqa: E402
+from taskrpc.robot.fleet.postgres_schema import VERSION  # noqa: E402
 from taskrpc.robot.fleet.postgres_store import PostgresStore  # noqa: E402
 
 pytestmark = [pytest.mark.postgres, pytest.mark.real_time]
@@ -29,6 +32,40 @@ async def store(postgres_url):
 
 class TestPostgresStore(StoreRules):
     pass
+
+
+class TestHistoryInPostgres(HistoryRules):
+    @pytest.fixture
+    async def opened(self, postgres_url):
+        used = []
+
+        async def opened(history):
+            store = PostgresStore(postgres_url, history=history)
+            used.extend((store, source := PostgresEndedTasks(postgres_url)))
+            return Opened(store, lambda *tasks: store.apply(tasks), source)
+
+        yield opened
+        for each in used:
+            await each.close()
+
+
+async def test_ended_tasks_are_not_read_from_a_database_without_a_fleet(postgres_url):
+    source = PostgresEndedTasks(postgres_url)
+    problem = f"expected the tables of a fleet of version {VERSION}, found version 0"
+    with pytest.raises(StoreError, match=problem):
+        await source.recent()
+    await source.close()
+
+
+async def test_ended_tasks_are_read_while_a_transaction_holds_the_fleet(postgres_url, store):
+    await store.apply([ended(1, 5.0)])
+    connection = await DatabaseUrl(postgres_url).connect("test")
+    await connection.execute("BEGIN")
+    await connection.execute("SELECT 1 FROM taskrpc_fleet FOR UPDATE")
+    source = PostgresEndedTasks(postgres_url)
+    assert await source.recent() == [ended(1, 5.0)]
+    await source.close()
+    await close(connection)
 
 
 def put(number):

@@ -9,6 +9,7 @@ import pytest
 from taskrpc.cli.robot.server import fleet_server
 from taskrpc.cli.robot.server.command_line import main
 from taskrpc.core.security.installing import install_command
+from taskrpc.robot.tasks import History
 
 URL = "postgresql://ann:s3cret-word@127.0.0.1:1/fleet"
 
@@ -91,14 +92,14 @@ def test_password_in_the_command_is_reported(caplog):
     pytest.importorskip("psycopg")
     for url, count in ((URL, 1), (URL.replace(":s3cret-word", ""), 0)):
         caplog.clear()
-        fleet_server.store_of(Namespace(db=url))
+        fleet_server.store_of(Namespace(db=url), History())
         assert caplog.text.count("put it into PGPASSWORD or ~/.pgpass instead") == count
         assert "s3cret" not in caplog.text
 
 
 def test_warnings_of_psycopg_are_left_out(caplog):
     pytest.importorskip("psycopg")
-    fleet_server.store_of(Namespace(db="postgresql://ann@127.0.0.1:1/fleet"))
+    fleet_server.store_of(Namespace(db="postgresql://ann@127.0.0.1:1/fleet"), History())
     logging.getLogger("psycopg").warning("error ignored terminating a pipeline")
     assert caplog.text == ""
 
