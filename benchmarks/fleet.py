@@ -20,7 +20,7 @@ import sys
 import time
 
 from taskrpc.robot.fleet import FleetManager, FleetSettings
-from taskrpc.robot.fleet.postgres_store import PostgresStore
+from taskrpc.robot.fleet.postgres.store import PostgresStore
 from taskrpc.robot.protocol import Plan, Pose
 from taskrpc.robot.tasks.model import TaskState
 from taskrpc.robot.tasks.records.history import History

@@ -28,7 +28,7 @@ from tests.robot.tasks.fakes import LineRobot
 
 pytest.importorskip("psycopg")
 
-from taskrpc.robot.fleet.postgres_store import POLL, PostgresStore
+from taskrpc.robot.fleet.postgres.store import POLL, PostgresStore
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 

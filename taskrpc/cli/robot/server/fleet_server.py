@@ -78,8 +78,8 @@ def check(options: argparse.Namespace) -> None:
 def store_of(options: argparse.Namespace, history: History) -> FleetStore:
     """Return the store of `--db`. Raises TaskRpcError for a wrong URL, and without psycopg."""
     # First the module that explains how to install psycopg.
-    from taskrpc.robot.fleet import postgres_connection  # noqa: F401
-    from taskrpc.robot.fleet.postgres_store import PostgresStore
+    from taskrpc.robot.fleet.postgres import connection  # noqa: F401
+    from taskrpc.robot.fleet.postgres.store import PostgresStore
 
     # psycopg warns about each lost connection with an object's address; the fleet says why.
     logging.getLogger("psycopg").setLevel(logging.ERROR)

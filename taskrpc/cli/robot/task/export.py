@@ -61,9 +61,7 @@ async def export(
 def _source(database: str | None) -> EndedTasks:
     if database is None or not is_shared(database):
         return SqliteEndedTasks(Path(database) if database else default_database())
-    # First the module that explains how to install psycopg.
-    from taskrpc.robot.fleet import postgres_connection  # noqa: F401
-    from taskrpc.robot.fleet.postgres_archive import PostgresEndedTasks
+    from taskrpc.robot.fleet.postgres.archive import PostgresEndedTasks
 
     return PostgresEndedTasks(database)
 

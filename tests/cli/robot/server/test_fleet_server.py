@@ -82,7 +82,7 @@ def test_missing_psycopg_is_named_with_the_command(server, monkeypatch):
     monkeypatch.setitem(sys.modules, "psycopg", None)
     for name in [each for each in sys.modules if each.startswith("taskrpc.robot.fleet.postgres")]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delattr("taskrpc.robot.fleet.postgres_connection", raising=False)
+    monkeypatch.delattr("taskrpc.robot.fleet.postgres.connection", raising=False)
     code, error = server("--db", URL)
     assert code == 1
     assert install_command("postgres", "psycopg[binary]") in error

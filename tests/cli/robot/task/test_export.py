@@ -149,7 +149,7 @@ async def test_server_works_while_an_export_waits_for_its_reader(path):
 @pytest.mark.real_time
 async def test_archived_and_recent_tasks_of_a_fleet_are_exported(postgres_url):
     pytest.importorskip("psycopg")
-    from taskrpc.robot.fleet.postgres_store import PostgresStore
+    from taskrpc.robot.fleet.postgres.store import PostgresStore
 
     store = PostgresStore(postgres_url, history=History(count=10, recent=2))
     for number in range(1, 6):

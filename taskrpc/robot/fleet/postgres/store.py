@@ -26,7 +26,7 @@ import msgspec
 
 from taskrpc.errors import OutcomeUnknown, StoreError, TaskRpcError
 from taskrpc.robot.fleet.model import Meta, RobotRecord
-from taskrpc.robot.fleet.postgres_connection import (
+from taskrpc.robot.fleet.postgres.connection import (
     FAILURES,
     Connection,
     DatabaseUrl,
@@ -35,7 +35,7 @@ from taskrpc.robot.fleet.postgres_connection import (
     close,
     is_lost,
 )
-from taskrpc.robot.fleet.postgres_schema import check_version, prepare
+from taskrpc.robot.fleet.postgres.schema import check_version, prepare
 from taskrpc.robot.fleet.state import Changes
 from taskrpc.robot.fleet.store import FleetStore, Outcome, Pending, RequestKey, carry_out
 from taskrpc.robot.tasks.model import Task

@@ -8,14 +8,14 @@ from typing import Any
 import msgspec
 
 from taskrpc.errors import StoreError
-from taskrpc.robot.fleet.postgres_connection import (
+from taskrpc.robot.fleet.postgres.connection import (
     FAILURES,
     Connection,
     DatabaseUrl,
     answered,
     close,
 )
-from taskrpc.robot.fleet.postgres_schema import TABLE_EXISTS, VERSION, check_version
+from taskrpc.robot.fleet.postgres.schema import TABLE_EXISTS, VERSION, check_version
 from taskrpc.robot.tasks.model import Task, TaskState
 from taskrpc.robot.tasks.records.archive import PAGE, End
 

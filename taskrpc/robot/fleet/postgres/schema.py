@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from taskrpc.errors import StoreError
-from taskrpc.robot.fleet.postgres_connection import FAILURES, Connection
+from taskrpc.robot.fleet.postgres.connection import FAILURES, Connection
 
 _MIGRATION_LOCK = 0x54525043  # the key of an advisory lock: "TRPC"
 

@@ -15,10 +15,10 @@ from tests.robot.tasks.records.store_rules import HistoryRules, Opened, StoreRul
 
 psycopg = pytest.importorskip("psycopg")
 
-from taskrpc.robot.fleet.postgres_archive import PostgresEndedTasks  # noqa: E402
-from taskrpc.robot.fleet.postgres_connection import DatabaseUrl, close  # noqa: E402
-from taskrpc.robot.fleet.postgres_schema import VERSION  # noqa: E402
-from taskrpc.robot.fleet.postgres_store import PostgresStore  # noqa: E402
+from taskrpc.robot.fleet.postgres.archive import PostgresEndedTasks  # noqa: E402
+from taskrpc.robot.fleet.postgres.connection import DatabaseUrl, close  # noqa: E402
+from taskrpc.robot.fleet.postgres.schema import VERSION  # noqa: E402
+from taskrpc.robot.fleet.postgres.store import PostgresStore  # noqa: E402
 
 pytestmark = [pytest.mark.postgres, pytest.mark.real_time]
 
@@ -79,7 +79,7 @@ async def until(condition, seconds=10):
 
 
 async def test_changes_of_one_server_reach_the_others_at_once(postgres_url, store, monkeypatch):
-    monkeypatch.setattr("taskrpc.robot.fleet.postgres_store.POLL", 60.0)
+    monkeypatch.setattr("taskrpc.robot.fleet.postgres.store.POLL", 60.0)
     other = PostgresStore(postgres_url)
     await other.refresh()
     await asyncio.sleep(0.5)
@@ -160,7 +160,7 @@ async def test_statement_that_fails_changes_nothing(store):
 
 async def test_transaction_is_repeated_when_the_database_was_restarted(own_cluster, monkeypatch):
     # A busy machine may need long for the recovery.
-    monkeypatch.setattr("taskrpc.robot.fleet.postgres_store.PATIENCE", 60.0)
+    monkeypatch.setattr("taskrpc.robot.fleet.postgres.store.PATIENCE", 60.0)
     store = PostgresStore(own_cluster.url())
     await store.transact(put(1))
     own_cluster.kill()
@@ -218,7 +218,7 @@ async def test_copy_is_read_at_once_when_the_database_was_restarted(own_cluster)
 
 
 async def test_database_that_stays_away_is_reported_and_nothing_is_stored(own_cluster, monkeypatch):
-    monkeypatch.setattr("taskrpc.robot.fleet.postgres_store.PATIENCE", 0.5)
+    monkeypatch.setattr("taskrpc.robot.fleet.postgres.store.PATIENCE", 0.5)
     store = PostgresStore(own_cluster.url())
     await store.transact(put(1))
     own_cluster.kill()
@@ -298,7 +298,7 @@ async def proxied(postgres_url, shared_cluster, proxy, monkeypatch):
     url = postgres_url.replace(f":{shared_cluster.port}/", f":{proxy.port}/")
     store = PostgresStore(url, listen=False)
     await store.apply([task(1)])
-    monkeypatch.setattr("taskrpc.robot.fleet.postgres_store.PATIENCE", 0.1)
+    monkeypatch.setattr("taskrpc.robot.fleet.postgres.store.PATIENCE", 0.1)
     yield store
     await store.close()
 
@@ -328,7 +328,7 @@ async def test_standby_cannot_say_that_a_commit_took_no_effect(
 async def test_number_that_may_be_forgotten_leaves_the_outcome_unknown(
     proxied, proxy, postgres_url, monkeypatch
 ):
-    monkeypatch.setattr("taskrpc.robot.fleet.postgres_store._BATCHES_KEPT", 0.0)
+    monkeypatch.setattr("taskrpc.robot.fleet.postgres.store._BATCHES_KEPT", 0.0)
     with psycopg.connect(postgres_url, autocommit=True) as other:
         other.execute("DELETE FROM taskrpc_writer")
     proxy.arm(SWALLOW)
