@@ -25,6 +25,8 @@ class Changes(msgspec.Struct):
     meta: bool = False
     tasks: dict[int, Task | None] = {}
     """By id; None for a forgotten task."""
+    ends: dict[int, float] = {}
+    """When the forgotten tasks ended, by id."""
     robots: dict[str, RobotRecord] = {}
     completions: list[tuple[Completion | None, tuple[ClientKey, ...]]] = []
     """Each completion, with the clients to forget before it."""
@@ -65,9 +67,7 @@ class FleetState:
         """Grows whenever a plan of the queue becomes invalid; not for tasks behind all others."""
         self._queue: list[tuple[int, int, int]] = []  # level, arrival, id: sorted
         self._ended: dict[int, None] = {}  # ids, the oldest end first; without the interrupted
-        self._leftover: list[
-            int
-        ] = []  # ids that servers with a longer history left in the database
+        self._leftover: list[Task] = []  # rows that servers with a longer history kept
         self._undo: list[Callable[[], object]] = []
         self._abilities: Abilities | None = None
 
@@ -139,8 +139,9 @@ class FleetState:
         if leftover := self._leftover:
             self._undo.append(lambda: setattr(self, "_leftover", leftover))
             self._leftover = leftover[AT_ONCE:]
-        for task_id in [*leftover[:AT_ONCE], *self._surplus(task.ended_at or 0.0)]:
-            self.forget_task(task_id)
+        surplus = (self.tasks[task_id] for task_id in self._surplus(task.ended_at or 0.0))
+        for ended in [*leftover[:AT_ONCE], *surplus]:
+            self._forget(ended)
 
     def _surplus(self, now: float) -> list[int]:
         ended = (self.tasks[task_id] for task_id in self._ended)
@@ -148,7 +149,13 @@ class FleetState:
 
     def forget_task(self, task_id: int) -> None:
         """Forget a task."""
-        self._change_task(task_id, None)
+        self._forget(self.tasks[task_id])
+
+    def _forget(self, task: Task) -> None:
+        if task.state.is_ended:
+            self._undo.append(_restore(self.changes.ends, task.task_id))
+            self.changes.ends[task.task_id] = task.ended_at or 0.0
+        self._change_task(task.task_id, None)
 
     def put_robot(self, robot: RobotRecord, *, notifies: bool = True) -> None:
         """Add a robot, or replace an earlier record of it."""
@@ -209,10 +216,10 @@ class FleetState:
             self._set_robot(robot.name, robot)
         self.meta = meta
         while surplus := self._surplus(newest):  # the server that ended a task has removed it
+            if is_first:
+                self._leftover += (self.tasks[task_id] for task_id in surplus)
             for task_id in surplus:
                 self._set_task(task_id, None)
-            if is_first:
-                self._leftover += surplus
         return changed
 
     def forget_all(self) -> None:

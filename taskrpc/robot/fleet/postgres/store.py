@@ -90,12 +90,11 @@ _SAVE_TASKS = """
 """
 _FORGET_TASKS = "DELETE FROM taskrpc_task WHERE task_id = ANY(%s)"
 _ARCHIVE_TASKS = """
-    WITH gone AS (DELETE FROM taskrpc_task WHERE task_id = ANY(%s) RETURNING task_id, record),
-    ended AS (SELECT *, (record::json->>'ended_at')::float8 AS ended_at FROM gone)
+    WITH gone AS (DELETE FROM taskrpc_task WHERE task_id = ANY(%s) RETURNING task_id, record)
     INSERT INTO taskrpc_history (number, task_id, ended_at, record)
     SELECT (SELECT coalesce(max(number), 0) FROM taskrpc_history)
         + row_number() OVER (ORDER BY ended_at, task_id), task_id, ended_at, record
-    FROM ended WHERE ended_at IS NOT NULL
+    FROM gone JOIN unnest(%s::bigint[], %s::float8[]) AS ends (task_id, ended_at) USING (task_id)
 """
 _PRUNE = (
     f"""
@@ -398,8 +397,11 @@ class PostgresStore(FleetStore):
                     await connection.execute(statement)
             saved = [task for task in changes.tasks.values() if task is not None]
             if gone := [number for number, task in changes.tasks.items() if task is None]:
-                statement = _ARCHIVE_TASKS if self.history.archived != 0 else _FORGET_TASKS
-                await connection.execute(statement, (gone,))
+                if self.history.archived == 0:
+                    await connection.execute(_FORGET_TASKS, (gone,))
+                else:  # the statement must not read a record: JSON may contain what SQL cannot
+                    ends = list(changes.ends), list(changes.ends.values())
+                    await connection.execute(_ARCHIVE_TASKS, (gone, *ends))
             if saved:
                 columns = (
                     [task.task_id for task in saved],
