@@ -20,9 +20,10 @@ import sys
 import time
 
 from taskrpc.robot.fleet import FleetManager, FleetSettings
-from taskrpc.robot.fleet.postgres_store import PostgresStore
+from taskrpc.robot.fleet.postgres.store import PostgresStore
 from taskrpc.robot.protocol import Plan, Pose
 from taskrpc.robot.tasks.model import TaskState
+from taskrpc.robot.tasks.records.history import History
 from tests.postgres import Cluster, why_missing
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -63,7 +64,7 @@ async def measure(url, robots, tasks):
     managers = []
     for number in range(robots):
         settings = FleetSettings(name=f"robot_{number}", queue_limit=tasks, lease=60.0, settle=0.0)
-        store = PostgresStore(url, keep_ended=tasks)
+        store = PostgresStore(url, history=History(count=tasks, recent=tasks))
         managers.append(FleetManager(InstantRobot(), store, settings))
         await managers[-1].start()
     await managers[0].pause()

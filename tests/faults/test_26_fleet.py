@@ -28,7 +28,7 @@ from tests.robot.tasks.fakes import LineRobot
 
 pytest.importorskip("psycopg")
 
-from taskrpc.robot.fleet.postgres_store import POLL, PostgresStore
+from taskrpc.robot.fleet.postgres.store import POLL, PostgresStore
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 
@@ -234,7 +234,9 @@ class Rehearsal:
 
             def action(state, now, number=number):
                 task = state.tasks.get(number)
-                decision = requests.requeue(task, number, resume=True, refusal=lambda _: "")
+                decision = requests.requeue(
+                    task, number, now, "", resume=True, refusal=lambda _: ""
+                )
                 rules.carry_out(state, now, decision, lambda task: 0.0)
 
             await self.observer.transact(action)

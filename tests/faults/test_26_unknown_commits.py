@@ -15,8 +15,9 @@ from tests.robot.fleet.fakes import task
 
 pytest.importorskip("psycopg")
 
-from taskrpc.robot.fleet import postgres_connection, postgres_store
-from taskrpc.robot.fleet.postgres_store import PostgresStore
+from taskrpc.robot.fleet.postgres import connection as postgres_connection
+from taskrpc.robot.fleet.postgres import store as postgres_store
+from taskrpc.robot.fleet.postgres.store import PostgresStore
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 

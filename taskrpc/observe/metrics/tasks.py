@@ -10,6 +10,7 @@ from taskrpc.observe.metrics.collector import store_families
 from taskrpc.observe.metrics.prometheus import Family, Histogram, Kind, Sample, by_label
 from taskrpc.robot.tasks.managed import ManagedTasks
 from taskrpc.robot.tasks.model import PRIORITY_MAX, PRIORITY_MIN, Task, TaskState
+from taskrpc.robot.tasks.records.history import History
 from taskrpc.robot.tasks.records.sqlite_store import SqliteStore
 from taskrpc.robot.tasks.records.store import Stored, TaskStore
 from taskrpc.spi import ClientKey, Completion
@@ -53,6 +54,11 @@ class MeasuredStore:
         self._failures = 0
         if hasattr(store, "open_now"):  # only stores in files have it
             self.open_now = store.open_now
+
+    @property
+    def history(self) -> History:
+        """Which ended tasks are kept."""
+        return self._store.history
 
     def families(self) -> list[Family]:
         """Return the measurements, for `Metrics.add`."""

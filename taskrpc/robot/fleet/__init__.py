@@ -2,7 +2,7 @@
 
 Start reading with `plan` and `rules`: pure functions that decide which robot executes which task,
 and what a transaction may change. `state` is a server's copy of the database; `store` is the
-interface to the database, `postgres_store` the real one. `manager` has every operation on tasks,
+interface to the database, `postgres` the real one. `manager` has every operation on tasks,
 `lease` and `worker` drive the robot, and `server` offers all of it to the network.
 """
 

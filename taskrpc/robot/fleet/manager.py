@@ -317,18 +317,20 @@ class FleetManager(ManagedRobot):
             task_id, lambda task, now: requests.drop(task, task_id, now, client)
         )
 
-    async def reprioritise(self, task_id: int, priority: int) -> TaskResponse:
+    async def reprioritise(self, task_id: int, priority: int, *, client: str = "") -> TaskResponse:
         """Move a queued task to another priority."""
         return await self._change(
-            task_id, lambda task, _: requests.reprioritise(task, task_id, priority)
+            task_id, lambda task, now: requests.reprioritise(task, task_id, priority, now, client)
         )
 
-    async def requeue(self, task_id: int, *, resume: bool = False) -> TaskResponse:
+    async def requeue(
+        self, task_id: int, *, resume: bool = False, client: str = ""
+    ) -> TaskResponse:
         """Queue an interrupted, failed or cancelled task again; see `TaskManager.requeue`."""
 
         def decide(task: Task | None, now: float) -> requests.Decision:
             refusal = partial(self._requeue_refusal, now)
-            return requests.requeue(task, task_id, resume=resume, refusal=refusal)
+            return requests.requeue(task, task_id, now, client, resume=resume, refusal=refusal)
 
         return await self._change(task_id, decide)
 
@@ -389,13 +391,13 @@ class FleetManager(ManagedRobot):
             # This server's own robot does not wait for the database, and begins no other task.
             self._worker.is_held = True
             begun = [execution.task.task_id] if (execution := self._worker.execution) else []
-            failure = await self._worker.halt(reason)
+            failure = await self._worker.halt(reason, client)
 
         def action(state: FleetState, now: float) -> tuple[TaskResponse, list[int]]:
             halted = rules.executed_by(state, robot)
             if robot:
-                return rules.stop_robot(state, now, robot, reason), halted
-            rules.stop(state, reason)
+                return rules.stop_robot(state, now, robot, reason, client), halted
+            rules.stop(state, now, reason, client)
             return TaskResponse(True, "The robots are stopped and the queue is paused"), halted
 
         try:

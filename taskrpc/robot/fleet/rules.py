@@ -268,9 +268,13 @@ def update(
     if task.state.is_ended:
         # A cancel at another server may have changed the state meanwhile; the end counts.
         ended = msgspec.structs.replace(
-            task, started_at=before.started_at, ended_at=now, robot=name
+            task,
+            started_at=before.started_at,
+            ended_at=now,
+            robot=name,
+            decisions=before.decisions,
         )
-        state.put_task(ended)
+        state.put_task(ended.with_decisions(*task.decisions))
         after = robot.pose if pose is None else pose
         state.put_robot(msgspec.structs.replace(robot, task_id=0, pose=after, free_at=now))
     elif task.state is not before.state and task.state in before.may_become:
@@ -363,8 +367,9 @@ def pause(state: FleetState, paused: bool) -> None:
         state.set_meta(paused=paused)
 
 
-def stop(state: FleetState, reason: str) -> None:
+def stop(state: FleetState, now: float, reason: str, client: str) -> None:
     """Let all servers halt their robots at once, and pause the queue."""
+    _note_stop(state, now, "", client)
     state.set_meta(paused=True, halts=state.meta.halts + 1, halt_reason=reason)
 
 
@@ -382,16 +387,24 @@ def pause_robot(state: FleetState, now: float, name: str, paused: bool) -> TaskR
     return TaskResponse(True, "; ".join([f"{name} is {said}", *notes]))
 
 
-def stop_robot(state: FleetState, now: float, name: str, reason: str) -> TaskResponse:
+def stop_robot(state: FleetState, now: float, name: str, reason: str, client: str) -> TaskResponse:
     """Let the server of one robot halt it at once, and pause this robot."""
     robot = state.robots.get(name)
     if robot is None:
         return TaskResponse(False, _no_robot(state, name))
+    _note_stop(state, now, name, client)
     stopped = msgspec.structs.replace(robot, paused=True, halts=robot.halts + 1, halt_reason=reason)
     state.put_robot(stopped)
     if not robot.is_live(now):
         return TaskResponse(True, f"{name} is paused; its server does not run")
     return TaskResponse(True, f"{name} is stopped and paused; the other robots continue")
+
+
+def _note_stop(state: FleetState, now: float, name: str, client: str) -> None:
+    for task_id in executed_by(state, name):
+        task = state.tasks.get(task_id)
+        if task is not None and task.state is not TaskState.CANCELING:  # the first reason counts
+            state.put_task(task.decided(now, client, "stopped"))
 
 
 def executed_by(state: FleetState, name: str) -> list[int]:

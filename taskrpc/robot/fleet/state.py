@@ -15,6 +15,7 @@ import msgspec
 
 from taskrpc.robot.fleet.model import REMEMBERED, Abilities, Meta, RobotRecord
 from taskrpc.robot.tasks.model import BEFORE_RUNNING_KEY, OrderKey, Task, TaskState
+from taskrpc.robot.tasks.records.history import AT_ONCE, DEFAULT, History, newest_end
 from taskrpc.spi import ClientKey, Completion
 
 
@@ -24,6 +25,8 @@ class Changes(msgspec.Struct):
     meta: bool = False
     tasks: dict[int, Task | None] = {}
     """By id; None for a forgotten task."""
+    ends: dict[int, float] = {}
+    """When the forgotten tasks ended, by id."""
     robots: dict[str, RobotRecord] = {}
     completions: list[tuple[Completion | None, tuple[ClientKey, ...]]] = []
     """Each completion, with the clients to forget before it."""
@@ -37,16 +40,20 @@ class Changes(msgspec.Struct):
         """Whether nothing has changed."""
         return not (self.meta or self.tasks or self.robots or self.completions or self.cleared)
 
+    def newest_end(self) -> float | None:
+        """Return when the last of the changed tasks ended; None if none of them has ended."""
+        return newest_end(task for task in self.tasks.values() if task is not None)
+
 
 class FleetState:
     """All records of a fleet.
 
     Args:
-        keep_ended: how many ended tasks are remembered, besides the interrupted ones.
+        history: which ended tasks are kept.
     """
 
-    def __init__(self, *, keep_ended: int = 1000) -> None:
-        self.keep_ended = keep_ended
+    def __init__(self, *, history: History = DEFAULT) -> None:
+        self.history = history
         self.meta = Meta()
         self.tasks: dict[int, Task] = {}
         self.robots: dict[str, RobotRecord] = {}
@@ -60,6 +67,7 @@ class FleetState:
         """Grows whenever a plan of the queue becomes invalid; not for tasks behind all others."""
         self._queue: list[tuple[int, int, int]] = []  # level, arrival, id: sorted
         self._ended: dict[int, None] = {}  # ids, the oldest end first; without the interrupted
+        self._leftover: list[Task] = []  # rows that servers with a longer history kept
         self._undo: list[Callable[[], object]] = []
         self._abilities: Abilities | None = None
 
@@ -126,13 +134,28 @@ class FleetState:
     def put_task(self, task: Task) -> None:
         """Add a task, or replace an earlier value of it; forget the oldest ended tasks."""
         self._change_task(task.task_id, task)
-        if task.state.is_ended and len(self._ended) > self.keep_ended:
-            for task_id in list(islice(self._ended, len(self._ended) - self.keep_ended)):
-                self.forget_task(task_id)
+        if not task.state.is_ended:
+            return
+        if leftover := self._leftover:
+            self._undo.append(lambda: setattr(self, "_leftover", leftover))
+            self._leftover = leftover[AT_ONCE:]
+        surplus = (self.tasks[task_id] for task_id in self._surplus(task.ended_at or 0.0))
+        for ended in [*leftover[:AT_ONCE], *surplus]:
+            self._forget(ended)
+
+    def _surplus(self, now: float) -> list[int]:
+        ended = (self.tasks[task_id] for task_id in self._ended)
+        return self.history.surplus(ended, len(self._ended), now)
 
     def forget_task(self, task_id: int) -> None:
         """Forget a task."""
-        self._change_task(task_id, None)
+        self._forget(self.tasks[task_id])
+
+    def _forget(self, task: Task) -> None:
+        if task.state.is_ended:
+            self._undo.append(_restore(self.changes.ends, task.task_id))
+            self.changes.ends[task.task_id] = task.ended_at or 0.0
+        self._change_task(task.task_id, None)
 
     def put_robot(self, robot: RobotRecord, *, notifies: bool = True) -> None:
         """Add a robot, or replace an earlier record of it."""
@@ -183,21 +206,25 @@ class FleetState:
         self, meta: Meta, tasks: Iterable[Task], robots: Iterable[RobotRecord]
     ) -> list[int]:
         """Take over rows of the database; returns the ids of the changed tasks."""
-        changed = []
+        changed, is_first, newest = [], not self.tasks, 0.0
         for task in tasks:
+            newest = max(newest, task.ended_at or 0.0)
             if self.tasks.get(task.task_id) != task:
                 self._set_task(task.task_id, task)
                 changed.append(task.task_id)
         for robot in robots:
             self._set_robot(robot.name, robot)
         self.meta = meta
-        while len(self._ended) > self.keep_ended:
-            self._set_task(next(iter(self._ended)), None)
+        while surplus := self._surplus(newest):  # the server that ended a task has removed it
+            if is_first:
+                self._leftover += (self.tasks[task_id] for task_id in surplus)
+            for task_id in surplus:
+                self._set_task(task_id, None)
         return changed
 
     def forget_all(self) -> None:
         """Forget everything, before all rows are read again."""
-        fresh = FleetState(keep_ended=self.keep_ended)
+        fresh = FleetState(history=self.history)
         fresh.plan_version = self.plan_version + 1  # else an old plan could count as this one's
         self.__dict__.update(fresh.__dict__)
 

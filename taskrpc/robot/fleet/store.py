@@ -18,6 +18,7 @@ from taskrpc.errors import OutcomeUnknown, StoreError, TaskRpcError, text_for_ca
 from taskrpc.robot.fleet.model import Meta, RobotRecord
 from taskrpc.robot.fleet.state import Changes, FleetState
 from taskrpc.robot.tasks.model import Task
+from taskrpc.robot.tasks.records.history import AT_ONCE, DEFAULT, History
 from taskrpc.robot.tasks.records.store import Stored
 from taskrpc.spi import ClientKey, Completion, CompletionIndex, present_chance
 
@@ -98,11 +99,13 @@ class FleetStore(ABC):
     """A server's access to the database of its fleet; it also is a `TaskStore`.
 
     Args:
-        keep_ended: how many ended tasks are remembered, besides the interrupted ones.
+        history: which ended tasks are kept; all servers of a fleet need the same.
     """
 
-    def __init__(self, *, keep_ended: int = 1000) -> None:
-        self.state = FleetState(keep_ended=keep_ended)
+    def __init__(self, *, history: History = DEFAULT) -> None:
+        self.history = history
+        """Which ended tasks are kept."""
+        self.state = FleetState(history=history)
         """This server's copy. A transaction that is being written is visible in it already."""
         self.listeners: list[ChangeListener] = []
         """Called after each change of the copy that is stored."""
@@ -325,25 +328,41 @@ class MemoryFleet:
         self.store_id = present_chance().randbytes(16)
         self.tasks: dict[int, tuple[int, Task]] = {}
         """Each with the revision of its last change."""
+        self.archive: list[Task] = []
+        """The archived tasks, the oldest first."""
         self.robots: dict[str, tuple[int, RobotRecord]] = {}
         self.completions = CompletionIndex()
         self.stores: list[MemoryFleetStore] = []
         """The stores that are told about changes."""
 
-    def write(self, meta: Meta, changes: Changes) -> None:
+    def write(self, meta: Meta, changes: Changes, history: History) -> None:
         """Write the changes of a transaction."""
         if changes.cleared:
+            self.tasks.clear()
+            self.archive.clear()
             self.store_id = present_chance().randbytes(16)
             self.completions = CompletionIndex()
         for task_id, task in changes.tasks.items():
-            self.tasks.pop(task_id, None)
+            before = self.tasks.pop(task_id, None)
             if task is not None:
                 self.tasks[task_id] = meta.revision, task
+            elif before is not None and before[1].state.is_ended and history.archived != 0:
+                self.archive.append(before[1])
+        if (now := changes.newest_end()) is not None:
+            self._prune(history, now)
         for robot in changes.robots.values():
             self.robots[robot.name] = meta.revision, robot
         for completion, clients in changes.completions:
             self.completions.add(completion, clients)
         self.meta = meta
+
+    def _prune(self, history: History, now: float) -> None:
+        if history.archived is not None:
+            surplus = max(0, len(self.archive) - history.archived)
+            del self.archive[: min(surplus, AT_ONCE)]
+        if (kept_since := history.kept_since(now)) is not None:
+            old = sum((task.ended_at or 0.0) < kept_since for task in self.archive[:AT_ONCE])
+            del self.archive[:old]
 
 
 class MemoryFleetStore(FleetStore):
@@ -352,13 +371,13 @@ class MemoryFleetStore(FleetStore):
     Args:
         database: shared with the other servers.
         latency: seconds that each transaction takes.
-        keep_ended: see `FleetStore`.
+        history: see `FleetStore`.
     """
 
     def __init__(
-        self, database: MemoryFleet, *, latency: float = 0.0, keep_ended: int = 1000
+        self, database: MemoryFleet, *, latency: float = 0.0, history: History = DEFAULT
     ) -> None:
-        super().__init__(keep_ended=keep_ended)
+        super().__init__(history=history)
         self.database = database
         self.latency = latency
         self.is_cut_off = False
@@ -417,7 +436,7 @@ class MemoryFleetStore(FleetStore):
         outcomes = carry_out(self.state, self._now(), batch, completed)
         changes = self.state.take_changes()
         if not changes.is_empty:
-            self.database.write(self.state.meta, changes)
+            self.database.write(self.state.meta, changes, self.history)
             if changes.notifies:
                 self._tell_others()
         if self.loses_commit:

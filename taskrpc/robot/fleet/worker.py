@@ -143,17 +143,20 @@ class FleetWorker:
             log.error("the robot halts during task %d: %s", execution.task.task_id, _LEASE_ENDED)
             execution.interrupt(_LEASE_ENDED)
 
-    async def halt(self, reason: str) -> str:
-        """Halt the robot at once; the running task ends CANCELED. Returns why the robot failed."""
+    async def halt(self, reason: str, client: str | None = None) -> str:
+        """Halt the robot at once; the running task ends CANCELED. Returns why the robot failed.
+
+        `client` has decided this; None if the decision is stored already.
+        """
         if (execution := self.execution) is None:
             return self._robot_guard.command(self._robot_guard.robot.stop)
-        failure = execution.stop(reason)
+        failure = execution.stop(reason, client)
         has_ended = await self._ends_soon(execution)
         return failure or ("" if has_ended else "the robot does not end its task")
 
-    async def cancel(self, execution: TaskExecution, message: str) -> bool:
+    async def cancel(self, execution: TaskExecution, message: str, client: str) -> bool:
         """Cancel the running task; returns whether it has ended already."""
-        await execution.cancel(message)
+        await execution.cancel(message, client)
         return await self._ends_soon(execution)
 
     async def _ends_soon(self, execution: TaskExecution) -> bool:

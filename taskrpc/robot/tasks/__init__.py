@@ -9,6 +9,7 @@ how a robot moves.
 
 from taskrpc.robot.tasks.manager import TaskManager, TaskSettings
 from taskrpc.robot.tasks.model import EstimateChange, Task, TaskState
+from taskrpc.robot.tasks.records.history import History
 from taskrpc.robot.tasks.records.sqlite_store import SqliteStore
 from taskrpc.robot.tasks.records.store import MemoryStore, Stored, TaskStore
 from taskrpc.robot.tasks.responses import Resumed, TaskResponse
@@ -16,6 +17,7 @@ from taskrpc.robot.tasks.server import TaskServer
 
 __all__ = [
     "EstimateChange",
+    "History",
     "MemoryStore",
     "Resumed",
     "SqliteStore",

@@ -149,10 +149,12 @@ class ManagedTasks(Protocol):
     async def drop(self, task_id: int, *, client: str = "") -> TaskResponse:
         """Cancel a queued or interrupted task without running it."""
 
-    async def reprioritise(self, task_id: int, priority: int) -> TaskResponse:
+    async def reprioritise(self, task_id: int, priority: int, *, client: str = "") -> TaskResponse:
         """Move a queued task to another priority."""
 
-    async def requeue(self, task_id: int, *, resume: bool = False) -> TaskResponse:
+    async def requeue(
+        self, task_id: int, *, resume: bool = False, client: str = ""
+    ) -> TaskResponse:
         """Queue an interrupted, failed or cancelled task again."""
 
     async def pause(self, *, robot: str = "") -> TaskResponse:

@@ -21,7 +21,7 @@ class RobotWorker(Protocol):
     def execution(self) -> TaskExecution | None:
         """The execution of the running task; None while the robot is idle."""
 
-    async def cancel(self, execution: TaskExecution, message: str) -> bool:
+    async def cancel(self, execution: TaskExecution, message: str, client: str) -> bool:
         """Cancel the running task; returns whether it has ended already."""
 
 
@@ -82,7 +82,8 @@ class ManagedRobot:
         if (execution := self._running(task_id)) is None:
             return None
         try:
-            is_over = await self._worker.cancel(execution, by_client("cancelled", client))
+            reason = by_client("cancelled", client)
+            is_over = await self._worker.cancel(execution, reason, client)
         except TaskRpcError as error:  # the robot halts although this could not be stored
             message = f"Task {task_id} is being cancelled{unstored_note(error)}"
             return TaskResponse(True, message, task_id)

@@ -46,8 +46,6 @@ _TOLERANCE = 0.005  # real seconds that an execution may be late before the esti
 class TaskSettings(QueueSettings, frozen=True, kw_only=True):
     """The settings of a task manager."""
 
-    keep_ended: int = 1000
-    """How many ended tasks are remembered, besides the interrupted ones."""
     wall_clock: Callable[[], float] = time_of_day
     """Returns the time of day in seconds since 1970."""
     journal: QueueJournal | None = None
@@ -72,9 +70,7 @@ class TaskManager(ManagedRobot):
         # time in milliseconds since 1970.
         self.change_feed = ChangeFeed(max(1, int(settings.wall_clock() * 1000)))
         """Announces every change to watchers."""
-        self.repository: TaskRepository = TaskRepository(
-            store, self.change_feed, keep_ended=settings.keep_ended
-        )
+        self.repository: TaskRepository = TaskRepository(store, self.change_feed)
         """Every remembered task."""
         self._estimated_queue = self._make_queue(settings.journal)
         self.queue = self._estimated_queue.queue
@@ -293,35 +289,42 @@ class TaskManager(ManagedRobot):
         task, now = await self.repository.stored(task_id), self._settings.wall_clock()
         return await self._end(rules.drop(task, task_id, now, client))
 
-    async def reprioritise(self, task_id: int, priority: int) -> TaskResponse:
+    async def reprioritise(self, task_id: int, priority: int, *, client: str = "") -> TaskResponse:
         """Move a queued task to another priority."""
-        decision = rules.reprioritise(await self.repository.stored(task_id), task_id, priority)
+        task, now = await self.repository.stored(task_id), self._settings.wall_clock()
+        decision = rules.reprioritise(task, task_id, priority, now, client)
         if not isinstance(decision, rules.Change):
             return decision
         self.update_estimates()
         moved = self._estimated_queue.reprioritise(task_id, priority)
+        moved = msgspec.structs.replace(moved, decisions=decision.task.decisions)
+        self.queue.replace(moved)
 
         def undo() -> None:
             if stored := self.repository.find(task_id):
                 self.update_estimates()
                 self._estimated_queue.reprioritise(task_id, stored.priority)
+                self.queue.replace(stored)
 
         await self.repository.save(moved, undo=undo)
         return TaskResponse(True, decision.message, task_id, self.estimate(task_id))
 
-    async def requeue(self, task_id: int, *, resume: bool = False) -> TaskResponse:
+    async def requeue(
+        self, task_id: int, *, resume: bool = False, client: str = ""
+    ) -> TaskResponse:
         """Queue an interrupted, failed or cancelled task again, as the last of its priority.
 
         With `resume`, an interrupted task gets back its old place among tasks of its priority.
         """
-        task = await self.repository.stored(task_id)
-        decision = rules.requeue(task, task_id, resume=resume, refusal=self._requeue_refusal)
+        task, now = await self.repository.stored(task_id), self._settings.wall_clock()
+        refusal = self._requeue_refusal
+        decision = rules.requeue(task, task_id, now, client, resume=resume, refusal=refusal)
         if not isinstance(decision, rules.Enqueue):
             seconds = self.estimate(task_id) if decision.success else 0.0
             return msgspec.structs.replace(decision, estimated_time=seconds)
         arrival = decision.task.arrival if decision.keeps_arrival else self.repository.new_arrival()
         stored = asyncio.get_running_loop().create_future()
-        requeued = decision.task.requeued(self._settings.wall_clock(), arrival)
+        requeued = decision.task.requeued(now, arrival)
         response = self._accept(partial(resolve_future, stored), requeued)
         await stored
         return response
@@ -353,7 +356,7 @@ class TaskManager(ManagedRobot):
         if robot:
             return no_fleet(robot)
         execution = self._worker.execution
-        failure = await self._worker.stop(by_client("the robot was stopped", client))
+        failure = await self._worker.stop(by_client("the robot was stopped", client), client)
         note = stopped_note([execution.task] if execution else [])
         try:  # after the halt, which must not wait for the disk
             await self.repository.remember_pause(True)

@@ -14,6 +14,9 @@ PRIORITY_MIN = 1
 PRIORITY_MAX = 10
 """The highest priority: its tasks run first."""
 
+DECISIONS = 16
+"""The most decisions of clients that a task keeps."""
+
 OrderKey: TypeAlias = tuple[int, int]
 """A task's place in the order of execution: `(level, arrival)`. The smaller key runs earlier.
 
@@ -89,6 +92,21 @@ class EstimateChange(msgspec.Struct, frozen=True, gc=False):
     """What happened, as users read it."""
 
 
+class ClientDecision(msgspec.Struct, frozen=True, gc=False):
+    """A client's decision about a task that was submitted before."""
+
+    at: float
+    """When it was made, in seconds since 1970."""
+    client: str
+    """The client that made it: an account or a node; empty if unknown."""
+    action: str
+    """What it did to the task, such as `cancelled` or `moved to priority 8`."""
+
+    def is_like(self, other: ClientDecision) -> bool:
+        """Return whether the same client has decided the same."""
+        return (self.client, self.action) == (other.client, other.action)
+
+
 class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """An immutable snapshot of one task; each change makes a new value.
 
@@ -129,6 +147,9 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     robot: str = ""
     """The robot of a fleet that executes or executed it; empty before, and without a fleet."""
 
+    decisions: tuple[ClientDecision, ...] = ()
+    """The newest decisions of clients about it, at most `DECISIONS`, oldest first."""
+
     @property
     def order_key(self) -> OrderKey:
         """Its place in the order of execution: priority 10 first, equal priorities by arrival."""
@@ -150,6 +171,22 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
                 f"task {self.task_id} is {self.state.value} and cannot become {state.value}"
             )
         return msgspec.structs.replace(self, state=state, message=message)
+
+    def decided(self, at: float, client: str, action: str) -> Task:
+        """Return the same task with one more decision of a client."""
+        return self.with_decisions(ClientDecision(at, client, action))
+
+    def with_decisions(self, *decisions: ClientDecision) -> Task:
+        """Return the same task with further decisions of clients.
+
+        A decision counts once, also if the same client repeats it at once.
+        """
+        known = list(self.decisions)
+        for each in decisions:
+            is_repeated = bool(known) and known[-1].is_like(each)
+            if not is_repeated and each not in known:
+                known.append(each)
+        return msgspec.structs.replace(self, decisions=tuple(known[-DECISIONS:]))
 
     def started(self, at: float) -> Task:
         """Return the same task, RUNNING since `at`."""

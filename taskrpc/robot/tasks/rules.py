@@ -103,11 +103,12 @@ def cancel(
     if task is not None:
         reason = by_client("cancelled", client)
         if task.state is TaskState.QUEUED:
-            return _cancelled(task, now, reason)
+            return _cancelled(task.decided(now, client, "cancelled"), now, reason)
         if task.state is TaskState.CANCELING:  # the first reason counts
             return Halt(task)
         if task.state.is_begun:
-            return Halt(task.moved_to(TaskState.CANCELING, message=reason))
+            halting = task.moved_to(TaskState.CANCELING, message=reason)
+            return Halt(halting.decided(now, client, "cancelled"))
         if task.state is TaskState.CANCELED:
             return TaskResponse(True, f"Task {task_id} is cancelled already", task_id)
     return refused(task, task_id, _TOO_LATE)
@@ -131,27 +132,37 @@ def drop(task: Task | None, task_id: int, now: float, client: str) -> TaskRespon
     if task is not None:
         reason = by_client("dropped", client)
         if task.state is TaskState.QUEUED:
-            return _cancelled(task, now, reason)
+            return _cancelled(task.decided(now, client, "dropped"), now, reason)
         if task.state is TaskState.INTERRUPTED:
             ended = task.ended(TaskState.CANCELED, now, message=reason)
-            return Change(ended, f"Task {task_id} was dropped")
+            return Change(ended.decided(now, client, "dropped"), f"Task {task_id} was dropped")
         if task.state is TaskState.CANCELED:
             return TaskResponse(True, f"Task {task_id} is dropped already", task_id)
     return refused(task, task_id, "only a queued or interrupted task can be dropped")
 
 
-def reprioritise(task: Task | None, task_id: int, priority: int) -> TaskResponse | Change:
+def reprioritise(
+    task: Task | None, task_id: int, priority: int, now: float, client: str
+) -> TaskResponse | Change:
     """Change the priority of a queued task."""
     if problem := priority_refusal(priority):
         return TaskResponse(False, problem)
     if task is None or task.state is not TaskState.QUEUED:
         return refused(task, task_id, "only a queued task can be moved")
     moved = msgspec.structs.replace(task, priority=priority)
+    if priority != task.priority:
+        moved = moved.decided(now, client, f"moved to priority {priority}")
     return Change(moved, f"Task {task_id} has priority {priority}")
 
 
 def requeue(
-    task: Task | None, task_id: int, *, resume: bool, refusal: Callable[[Task], str]
+    task: Task | None,
+    task_id: int,
+    now: float,
+    client: str,
+    *,
+    resume: bool,
+    refusal: Callable[[Task], str],
 ) -> TaskResponse | Enqueue:
     """Queue an interrupted, failed or cancelled task again; with `resume`, in its old place.
 
@@ -167,7 +178,8 @@ def requeue(
         return refused(task, task_id, rule)
     if problem := refusal(task):
         return TaskResponse(False, problem)
-    return Enqueue(task, keeps_arrival=resume)
+    decided = task.decided(now, client, "resumed" if resume else "queued again")
+    return Enqueue(decided, keeps_arrival=resume)
 
 
 _TOO_LATE = "cannot be cancelled any more"

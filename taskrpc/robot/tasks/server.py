@@ -42,7 +42,7 @@ class TaskServer(OfferedTasks):
         join: whether to start although another server offers the same service.
         introspection: what the services publish about their calls; see
             `Node.configure_introspection`.
-        queue_limit, share, settle, keep_ended, wall_clock, journal: see `TaskSettings`.
+        queue_limit, share, settle, wall_clock, journal: see `TaskSettings`.
     """
 
     def __init__(
@@ -55,7 +55,6 @@ class TaskServer(OfferedTasks):
         share: int | None = None,
         settle: float = 0.1,
         service_name: str = "robot_task",
-        keep_ended: int = 1000,
         join: bool = False,
         introspection: IntrospectionState = "off",
         wall_clock: Callable[[], float] = time_of_day,
@@ -65,7 +64,6 @@ class TaskServer(OfferedTasks):
             queue_limit=queue_limit,
             share=share,
             settle=settle,
-            keep_ended=keep_ended,
             wall_clock=wall_clock,
             journal=journal,
         )

@@ -12,7 +12,13 @@ import msgspec
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.robot.protocol import RobotStopped
-from taskrpc.robot.tasks.model import BEGUN, EstimateChange, Task, TaskState
+from taskrpc.robot.tasks.model import (
+    BEGUN,
+    ClientDecision,
+    EstimateChange,
+    Task,
+    TaskState,
+)
 from taskrpc.robot.tasks.robot_guard import RobotGuard, error_text
 
 _log = logging.getLogger("taskrpc.tasks")
@@ -63,6 +69,7 @@ class TaskExecution:
         self._changing = asyncio.Lock()  # one change of state at a time
         # The state and message to end with after a halt; None while nothing halts the execution.
         self._ending: tuple[TaskState, str] | None = None
+        self._decisions: list[ClientDecision] = []  # stored with the task's end
         self._outcome = (TaskState.INTERRUPTED, "", "")  # state, message, result
         self._robot_task: asyncio.Future[dict[str, object]] | None = None
         self._has_started = False  # whether the robot's own coroutine runs
@@ -140,15 +147,23 @@ class TaskExecution:
         await self._change_state(lambda task: task.moved_to(TaskState.RUNNING), TaskState.PAUSED)
         return ""
 
-    async def cancel(self, message: str) -> None:
-        """Halt the robot; the task ends CANCELED, and `is_over` is set when it has."""
+    async def cancel(self, message: str, client: str | None = None) -> None:
+        """Halt the robot; the task ends CANCELED, and `is_over` is set when it has.
+
+        `client` has decided this; None if the decision is stored already.
+        """
+        self._decide("cancelled", client)
         self._halt(TaskState.CANCELED, message)
         await self._change_state(
             lambda task: task.moved_to(TaskState.CANCELING), TaskState.RUNNING, TaskState.PAUSED
         )
 
-    def stop(self, message: str) -> str:
-        """Halt the robot at once; the task ends CANCELED. Returns why the robot failed."""
+    def stop(self, message: str, client: str | None = None) -> str:
+        """Halt the robot at once; the task ends CANCELED. Returns why the robot failed.
+
+        `client` as for `cancel`.
+        """
+        self._decide("stopped", client)
         if self._ending is None:
             self._ending = (TaskState.CANCELED, message)
         failure = self._robot_guard.command(self._robot_guard.robot.stop)
@@ -165,6 +180,10 @@ class TaskExecution:
         self._robot_guard.command(self._robot_guard.robot.stop)
         self._is_free.set()
 
+    def _decide(self, action: str, client: str | None) -> None:
+        if client is not None and self._ending is None:  # the first reason counts
+            self._decisions.append(ClientDecision(self._wall_clock(), client, action))
+
     def _halt(self, state: TaskState, message: str) -> None:
         if self._ending is None:
             self._ending = (state, message)
@@ -174,7 +193,7 @@ class TaskExecution:
     def _ended(self, task: Task, changes: tuple[EstimateChange, ...]) -> Task:
         state, message, result = self._outcome
         ended = task.ended(state, self._wall_clock(), message=message, result=result)
-        return msgspec.structs.replace(ended, changes=changes)
+        return msgspec.structs.replace(ended, changes=changes).with_decisions(*self._decisions)
 
     async def _change_state(self, change: Callable[[Task], Task], *only_from: TaskState) -> None:
         """Store a change of state, unless the task has left the states that it starts from."""

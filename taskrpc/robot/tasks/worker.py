@@ -106,19 +106,19 @@ class Worker:
         self._repository.change_feed.announce()
         return failure
 
-    async def stop(self, message: str) -> str:
+    async def stop(self, message: str, client: str) -> str:
         """Halt the robot at once and pause the queue; returns why the robot failed, "" if not."""
         self._pause_queue()
         if (execution := self.execution) is None:
             return self._robot_guard.command(self._robot_guard.robot.stop)
-        failure = execution.stop(message)
+        failure = execution.stop(message, client)
         has_ended = await self._ends_soon(execution)
         return failure or ("" if has_ended else "the robot does not end its task")
 
-    async def cancel(self, execution: TaskExecution, message: str) -> bool:
+    async def cancel(self, execution: TaskExecution, message: str, client: str) -> bool:
         """Cancel the running task; returns whether it has ended already."""
         self.update_estimates()
-        await execution.cancel(message)
+        await execution.cancel(message, client)
         return await self._ends_soon(execution)
 
     async def _work(self) -> None:

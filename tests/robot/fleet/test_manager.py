@@ -181,6 +181,26 @@ async def test_cancel_reaches_the_robot_of_another_server(fleet):
     assert own.running is None
 
 
+@pytest.mark.parametrize("executing", [0, 1], ids=["own robot", "robot of another server"])
+@pytest.mark.parametrize("verb", ["cancelled", "stopped"])
+async def test_ended_task_has_the_decisions_of_all_servers(fleet, verb, executing):
+    managers = [await fleet.add(f"r{number}") for number in (1, 2)]
+    await managers[0].pause()
+    [task_id] = await submitted(managers[0], 20)
+    await managers[1].reprioritise(task_id, 8, client="ann")
+    await managers[1 - executing].pause(robot=managers[1 - executing].name)
+    await managers[0].resume()
+    await asyncio.sleep(2)
+    assert fleet.tasks()[task_id].robot == managers[executing].name
+    if verb == "stopped":
+        await managers[0].stop(client="ben")
+    else:
+        await managers[0].cancel(task_id, client="ben")
+    await fleet.until(lambda: fleet.tasks()[task_id].state.is_ended)
+    decided = [(each.client, each.action) for each in fleet.tasks()[task_id].decisions]
+    assert decided == [("ann", "moved to priority 8"), ("ben", verb)]
+
+
 async def test_cancel_of_a_task_that_another_server_interrupts_meanwhile_is_refused(fleet):
     first = await fleet.add("r1", capabilities="move")
     second = await fleet.add("r2", capabilities="scan")

@@ -35,7 +35,7 @@ def cancel(state, now, task_id, client=""):
 
 def requeue(state, now, task_id, *, resume):
     task = state.tasks.get(task_id)
-    decision = requests.requeue(task, task_id, resume=resume, refusal=nothing)
+    decision = requests.requeue(task, task_id, now, "ann", resume=resume, refusal=nothing)
     return carry_out(state, now, decision)
 
 
@@ -244,7 +244,7 @@ def test_interrupted_task_is_queued_in_its_old_place_or_behind_its_equals():
 
 def test_moved_task_and_task_that_is_queued_already_get_an_estimate():
     state = state_of(task(1), robot("a"))
-    moved = requests.reprioritise(state.tasks[1], 1, 9)
+    moved = requests.reprioritise(state.tasks[1], 1, 9, 1.0, "ann")
     assert carry_out(state, 1.0, moved) == TaskResponse(True, "Task 1 has priority 9", 1, 1.0)
     assert state.tasks[1].priority == 9
     already = TaskResponse(True, "Task 1 is queued already", 1, 1.0)
@@ -253,7 +253,7 @@ def test_moved_task_and_task_that_is_queued_already_get_an_estimate():
 
 def test_stop_halts_all_and_pauses():
     state = state_of(robot("a"))
-    rules.stop(state, "the robots were stopped by ann")
+    rules.stop(state, 0.0, "the robots were stopped by ann", "ann")
     assert (state.meta.paused, state.meta.halts) == (True, 1)
 
 
@@ -270,7 +270,7 @@ def test_pause_of_one_robot_gives_its_tasks_to_the_others():
 
 def test_robot_that_was_paused_by_name_stays_paused_when_its_server_restarts():
     state = state_of(robot("a"))
-    rules.stop_robot(state, 0.0, "a", "a was stopped")
+    rules.stop_robot(state, 0.0, "a", "a was stopped", "")
     rules.leave(state, 1.0, "a", 1)
     joined = rules.join(state, 2.0, robot("a", server="another"), LEASE)
     assert (joined.paused, joined.halts) == (True, 1)
@@ -278,7 +278,7 @@ def test_robot_that_was_paused_by_name_stays_paused_when_its_server_restarts():
 
 def test_stop_of_one_robot_halts_no_other():
     state = state_of(robot("a"), robot("b"))
-    assert rules.stop_robot(state, 0.0, "a", "a was stopped by ann").success
+    assert rules.stop_robot(state, 0.0, "a", "a was stopped by ann", "ann").success
     stopped = state.robots["a"]
     assert (stopped.paused, stopped.halts, stopped.halt_reason) == (True, 1, "a was stopped by ann")
     assert state.robots["b"] == robot("b")
@@ -287,11 +287,11 @@ def test_stop_of_one_robot_halts_no_other():
 
 def test_requests_for_one_robot_say_what_they_did_not_do():
     state = state_of(robot("a", is_gone=True))
-    away = rules.stop_robot(state, 0.0, "a", "")
+    away = rules.stop_robot(state, 0.0, "a", "", "")
     assert away.message == "a is paused; its server does not run"
     for request in (
         rules.pause_robot(state, 0.0, "c\n", True),
-        rules.stop_robot(state, 0.0, "c\n", ""),
+        rules.stop_robot(state, 0.0, "c\n", "", ""),
     ):
         assert not request.success
         assert request.message == "There is no robot 'c?' in the fleet (expected one of: a)"

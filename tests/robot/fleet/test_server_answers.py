@@ -514,7 +514,7 @@ async def test_fleet_in_memory_gives_the_answers_of_the_table(name):
 @pytest.mark.real_time
 @pytest.mark.parametrize("name", CASES)
 async def test_fleet_in_postgresql_gives_the_answers_of_the_table(name, postgres_url):
-    store = pytest.importorskip("taskrpc.robot.fleet.postgres_store").PostgresStore
+    store = pytest.importorskip("taskrpc.robot.fleet.postgres.store").PostgresStore
     await check(fleet_of_one(lambda: store(postgres_url)), CASES[name], "fleet")
 
 

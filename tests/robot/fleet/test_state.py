@@ -6,6 +6,7 @@ from taskrpc.core.request_ids.ids import Completion
 from taskrpc.robot.fleet.model import Meta
 from taskrpc.robot.fleet.state import FleetState
 from taskrpc.robot.tasks.model import TaskState
+from taskrpc.robot.tasks.records.history import History
 from tests.robot.fleet.fakes import robot, state_of, task
 
 
@@ -45,7 +46,7 @@ def test_task_is_in_the_list_of_its_state():
 
 
 def test_oldest_ended_tasks_are_forgotten():
-    state = FleetState(keep_ended=2)
+    state = FleetState(history=History(count=2))
     for number in range(1, 5):
         state.put_task(task(number).ended(TaskState.CANCELED, float(number)))
     assert ids(state.ended()) == [4, 3]
@@ -127,7 +128,7 @@ def carry_out(state, kind, made):
 
 @given(before=st.lists(steps()), after=st.lists(steps()), more=st.lists(steps()))
 def test_undone_transaction_leaves_no_trace(before, after, more):
-    state = FleetState(keep_ended=3)
+    state = FleetState(history=History(count=3))
     for step in before:
         carry_out(state, *step)
     state.take_changes()

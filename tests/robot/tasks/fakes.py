@@ -4,6 +4,7 @@ import asyncio
 
 from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.robot.protocol import Plan, Pose, RobotStopped, TargetError
+from taskrpc.robot.tasks.records.history import DEFAULT
 from taskrpc.robot.tasks.records.store import MemoryStore
 
 
@@ -117,8 +118,8 @@ class LineRobot:
 class FullStore(MemoryStore):
     """A store on a disk that may be full, and slow."""
 
-    def __init__(self):
-        super().__init__()
+    def __init__(self, history=DEFAULT):
+        super().__init__(history=history)
         self.is_full = False
         self.is_lost = False
         self.delay = 0.0

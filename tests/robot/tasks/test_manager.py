@@ -97,6 +97,43 @@ async def test_cancelling_answers_for_every_state(manager):
     ]
 
 
+def decided(manager, task_id):
+    return [(each.client, each.action) for each in manager.repository.find(task_id).decisions]
+
+
+async def test_each_task_has_the_decisions_of_clients_about_it(manager):
+    await manager.pause()
+    await submit(manager, ("1", 5), ("5", 5), ("9", 5))
+    await manager.reprioritise(1, 9, client="ann")
+    await manager.reprioritise(1, 9, client="ben")  # it has this priority already
+    await manager.cancel(2, client="ben")
+    await manager.requeue(2, client="ann")
+    await manager.drop(3, client="cem")
+    assert decided(manager, 1) == [("ann", "moved to priority 9")]
+    assert decided(manager, 2) == [("ben", "cancelled"), ("ann", "queued again")]
+    assert decided(manager, 3) == [("cem", "dropped")]
+
+
+async def test_task_that_runs_keeps_its_decisions_and_gets_that_which_halts_it(manager):
+    await manager.pause()
+    await submit(manager, ("5", 5), ("9", 5))
+    await manager.reprioritise(1, 9, client="ann")
+    await manager.resume()
+    await asyncio.sleep(2)
+    assert manager.running.task_id == 1
+    await manager.stop(client="dan")
+    await manager.cancel(1, client="eve")  # too late
+    assert decided(manager, 1) == [("ann", "moved to priority 9"), ("dan", "stopped")]
+    await manager.resume()
+    await asyncio.sleep(2)
+    await manager.cancel(2, client="eve")
+    assert decided(manager, 2) == [("eve", "cancelled")]
+    await idle(manager)
+    assert [task.decisions for task in (await manager.repository._store.load()).tasks] == [
+        manager.repository.find(number).decisions for number in (1, 2)
+    ]
+
+
 async def test_reprioritising_moves_among_the_new_equals_by_age(manager):
     await manager.pause()
     await submit(manager, ("1", 5), ("2", 5), ("3", 8), ("4", 8))

@@ -5,7 +5,7 @@ import itertools
 import msgspec
 import pytest
 
-from taskrpc.robot.tasks.model import BEGUN, TRANSITIONS, Task, TaskState
+from taskrpc.robot.tasks.model import BEGUN, DECISIONS, TRANSITIONS, Task, TaskState
 
 
 def make(**changes):
@@ -18,6 +18,16 @@ def make(**changes):
         "submitted_at": 10.0,
     }
     return Task(**(fields | changes))
+
+
+def test_task_keeps_the_newest_decisions_and_a_repeated_one_once():
+    task = make()
+    for number in range(DECISIONS + 3):
+        task = task.decided(float(number), "ann", f"moved to priority {number}")
+    assert [each.at for each in task.decisions] == [float(each) for each in range(3, DECISIONS + 3)]
+    again = task.decided(99.0, "ann", f"moved to priority {DECISIONS + 2}")
+    assert again.with_decisions(*task.decisions) == task
+    assert again.decided(100.0, "ben", "cancelled").decisions[-1].client == "ben"
 
 
 @pytest.mark.parametrize(("old", "new"), list(itertools.product(TaskState, TaskState)))

@@ -2,7 +2,7 @@ import msgspec
 import pytest
 
 from taskrpc.robot.tasks import rules
-from taskrpc.robot.tasks.model import Task, TaskState
+from taskrpc.robot.tasks.model import ClientDecision, Task, TaskState
 from taskrpc.robot.tasks.responses import TaskResponse
 
 ENDED = [state for state in TaskState if state.is_ended]
@@ -77,6 +77,7 @@ def test_queued_task_is_cancelled_with_the_client_as_reason(rule, verb):
     ended = decision.task
     assert (ended.state, ended.ended_at) == (TaskState.CANCELED, 9.0)
     assert ended.message == f"{verb} by ann"
+    assert ended.decisions == (ClientDecision(9.0, "ann", verb),)
 
 
 @pytest.mark.parametrize("state", BEGUN)
@@ -87,7 +88,7 @@ def test_robot_must_halt_when_its_task_is_cancelled(state):
     first = state is TaskState.CANCELING
     message = "the first reason" if first else "cancelled by ann"
     after = msgspec.structs.replace(before, state=TaskState.CANCELING, message=message)
-    assert decision.task == after
+    assert decision.task == (after if first else after.decided(9.0, "ann", "cancelled"))
 
 
 @pytest.mark.parametrize("state", BEGUN)
@@ -140,19 +141,20 @@ def test_response_to_a_cancel_says_whether_the_robot_has_halted(state, is_over, 
 
 
 def test_queued_task_gets_another_priority_and_keeps_its_arrival():
-    decision = rules.reprioritise(task(), 7, 9)
-    assert decision == rules.Change(task(priority=9), "Task 7 has priority 9")
+    decision = rules.reprioritise(task(), 7, 9, 4.0, "ann")
+    moved = task(priority=9).decided(4.0, "ann", "moved to priority 9")
+    assert decision == rules.Change(moved, "Task 7 has priority 9")
 
 
 @pytest.mark.parametrize("state", [*BEGUN, *ENDED])
 def test_only_a_queued_task_is_moved(state):
     text = f"Task 7 is {state.value}: only a queued task can be moved"
-    assert rules.reprioritise(task(state), 7, 9) == TaskResponse(False, text)
+    assert rules.reprioritise(task(state), 7, 9, 4.0, "ann") == TaskResponse(False, text)
 
 
 @pytest.mark.parametrize("priority", [0, 11])
 def test_wrong_priority_is_refused_before_the_task_is_looked_at(priority):
-    response = rules.reprioritise(None, 7, priority)
+    response = rules.reprioritise(None, 7, priority, 4.0, "ann")
     assert response.success is False
     assert response.message.startswith(f"Invalid priority: {priority}")
 
@@ -165,7 +167,7 @@ def requeue(state, *, resume=False, problem=""):
         assert refused == task(state)
         return problem
 
-    return rules.requeue(task(state), 7, resume=resume, refusal=refusal)
+    return rules.requeue(task(state), 7, 4.0, "ann", resume=resume, refusal=refusal)
 
 
 @pytest.mark.parametrize("resume", [False, True])
@@ -176,13 +178,14 @@ def test_queued_task_is_not_queued_again(resume):
 
 @pytest.mark.parametrize("state", [TaskState.FAILED, TaskState.CANCELED, TaskState.INTERRUPTED])
 def test_ended_task_is_queued_again_unless_it_is_refused(state):
-    assert requeue(state) == rules.Enqueue(task(state), keeps_arrival=False)
+    decided = task(state).decided(4.0, "ann", "queued again")
+    assert requeue(state) == rules.Enqueue(decided, keeps_arrival=False)
     assert requeue(state, problem="Queue full") == TaskResponse(False, "Queue full")
 
 
 def test_only_an_interrupted_task_gets_its_old_place():
-    interrupted = task(TaskState.INTERRUPTED)
-    assert requeue(interrupted.state, resume=True) == rules.Enqueue(interrupted, keeps_arrival=True)
+    decided = task(TaskState.INTERRUPTED).decided(4.0, "ann", "resumed")
+    assert requeue(decided.state, resume=True) == rules.Enqueue(decided, keeps_arrival=True)
     for state in (TaskState.FAILED, TaskState.CANCELED):
         refused = requeue(state, resume=True)
         assert refused.message == (
@@ -202,6 +205,6 @@ def test_unknown_task_is_refused_by_each_rule():
     assert {
         rules.cancel(None, 8, 0.0, "ann"),
         rules.drop(None, 8, 0.0, "ann"),
-        rules.reprioritise(None, 8, 5),
-        rules.requeue(None, 8, resume=True, refusal=lambda _: ""),
+        rules.reprioritise(None, 8, 5, 0.0, "ann"),
+        rules.requeue(None, 8, 0.0, "ann", resume=True, refusal=lambda _: ""),
     } == {TaskResponse(False, "There is no task 8")}

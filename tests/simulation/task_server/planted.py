@@ -178,8 +178,9 @@ def call_off_only_in_memory(patch):
 
 
 def move_only_in_memory(patch):
-    async def reprioritise(manager, task_id, priority):
-        decision = rules.reprioritise(manager.queue.find(task_id), task_id, priority)
+    async def reprioritise(manager, task_id, priority, *, client=""):
+        task = manager.queue.find(task_id)
+        decision = rules.reprioritise(task, task_id, priority, 0.0, client)
         if isinstance(decision, TaskResponse):
             return decision
         manager._estimated_queue.reprioritise(task_id, priority)

@@ -110,6 +110,7 @@ class RecordedTasks:
         self._number = number
         self._store = SqliteStore(tasks_file(number))
         self.open_now = self._store.open_now
+        self.history = self._store.history
 
     async def load(self):
         await self.file.read()

@@ -9,6 +9,7 @@ import importlib
 import inspect
 import logging
 import os
+import re
 import sys
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
     from taskrpc.observe.recording.run_recorder import RunRecorder
     from taskrpc.robot.fleet import FleetStore
     from taskrpc.robot.protocol import Robot
-    from taskrpc.robot.tasks import SqliteStore
+    from taskrpc.robot.tasks import History, SqliteStore
     from taskrpc.robot.tasks.records.store import TaskStore
     from taskrpc.robot.tasks.services.offered_tasks import OfferedTasks
     from taskrpc.testing import CallFaults
@@ -49,6 +50,7 @@ _STANDBY_TIMEOUT = 5.0
 _STANDBY_POLL = 0.05
 """Seconds between two attempts of a standby server to get these addresses and names."""
 
+_DAY = 86_400.0
 _ROBOT_MEMBERS = "speed task_types plan pose execute remaining pause resume stop".split()
 
 
@@ -115,6 +117,8 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--fresh", action="store_true", help="Forget the tasks of earlier runs")
     limit = "Maximum number of tasks in the queue (default: 10000)"
     add("--queue-limit", metavar="N", type=whole(1), default=10_000, help=limit)
+    history = "How many ended tasks to keep, or how long, such as 30d for days (default: 1000)"
+    add("--history", metavar="N|DAYS", type=_history, help=history)
     share = "Maximum number of queued tasks of one account at one machine (default: no limit)"
     add("--share", metavar="N", type=whole(1), help=share)
     attendance = "A file in which the server notes when each account last called"
@@ -152,6 +156,18 @@ def _namespace(text: str) -> str:
         return names.check_namespace(text)
     except InvalidName as error:
         raise argparse.ArgumentTypeError(str(error)) from None
+
+
+def _history(text: str) -> History:
+    """Return which ended tasks are kept. Raises argparse's ArgumentTypeError."""
+    from taskrpc.robot.tasks import History
+
+    match = re.fullmatch(r"([1-9]\d{0,8})(d?)", text, re.ASCII)
+    if match is None:
+        rule = "a number of tasks such as 100000, or of days such as 30d"
+        raise argparse.ArgumentTypeError(f"expected {rule}, got {text!r}")
+    number = int(match[1])
+    return History(count=None, seconds=number * _DAY) if match[2] else History(count=number)
 
 
 def _fault(spec: str) -> str:
@@ -494,13 +510,14 @@ async def _shut_down(node: Node, server: OfferedTasks) -> None:
 
 
 def _store(options: argparse.Namespace) -> TaskStore:
-    from taskrpc.robot.tasks import MemoryStore, SqliteStore
+    from taskrpc.robot.tasks import History, MemoryStore, SqliteStore
 
+    history = options.history or History()
     if options.db == ":memory:":
-        return MemoryStore()
+        return MemoryStore(history=history)
     if fleet_server.is_fleet(options):
-        return fleet_server.store_of(options)
-    return SqliteStore(options.db or default_database(options.namespace))
+        return fleet_server.store_of(options, history)
+    return SqliteStore(options.db or default_database(options.namespace), history=history)
 
 
 def _robot(options: argparse.Namespace) -> Callable[[], Robot]:

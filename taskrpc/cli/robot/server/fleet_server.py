@@ -9,17 +9,16 @@ import re
 from typing import TYPE_CHECKING
 
 from taskrpc.cli.shared.command import UsageError
+from taskrpc.cli.shared.task_database import is_shared, mistyped
 
 if TYPE_CHECKING:
     from taskrpc.node import Node
     from taskrpc.robot.fleet import FleetServer, FleetStore
     from taskrpc.robot.protocol import Robot
+    from taskrpc.robot.tasks import History
 
 log = logging.getLogger("taskrpc.fleet")
 
-_PREFIXES = "postgresql://", "postgres://"
-# Also what a mistyped URL begins with: it may contain a password, so it must not become a file.
-_SCHEME = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+:/|postgres(ql)?(:|//)", re.ASCII | re.IGNORECASE)
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,62}", re.ASCII)
 
 
@@ -34,16 +33,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def is_fleet(options: argparse.Namespace) -> bool:
     """Return whether `--db` names a database that several servers share."""
-    return bool(options.db) and options.db.startswith(_PREFIXES)
+    return bool(options.db) and is_shared(options.db)
 
 
 def check(options: argparse.Namespace) -> None:
     """Check how the options fit together. Raises UsageError."""
     if not is_fleet(options):
-        if options.db and _SCHEME.match(options.db):
-            scheme, sign = re.split("([:/])", options.db)[:2]
-            found = f"{scheme}{sign}…"  # not the rest: it may contain a password
-            raise _usage(f"--db: expected a file, :memory: or postgresql://…, got {found}")
+        if problem := mistyped(options.db or ""):
+            raise _usage(problem)
         for name, value in (
             ("--robot-name", options.robot_name),
             ("--capabilities", options.capabilities),
@@ -78,15 +75,15 @@ def check(options: argparse.Namespace) -> None:
             raise _usage(f"--capabilities: {error}") from None
 
 
-def store_of(options: argparse.Namespace) -> FleetStore:
+def store_of(options: argparse.Namespace, history: History) -> FleetStore:
     """Return the store of `--db`. Raises TaskRpcError for a wrong URL, and without psycopg."""
     # First the module that explains how to install psycopg.
-    from taskrpc.robot.fleet import postgres_connection  # noqa: F401
-    from taskrpc.robot.fleet.postgres_store import PostgresStore
+    from taskrpc.robot.fleet.postgres import connection  # noqa: F401
+    from taskrpc.robot.fleet.postgres.store import PostgresStore
 
     # psycopg warns about each lost connection with an object's address; the fleet says why.
     logging.getLogger("psycopg").setLevel(logging.ERROR)
-    store = PostgresStore(options.db)
+    store = PostgresStore(options.db, history=history)
     if store.url.has_password:
         log.warning(
             "other users of this machine can read the password in --db;"

@@ -46,6 +46,7 @@ def configure(parser: ArgumentParser) -> None:
     commands = add_group(parser)
     _add_submit(commands)
     _add_views(commands)
+    _add_export(commands)
     for verb, purpose in _ORDERS:
         command = _add(commands, verb, purpose, _order)
         command.add_argument("task_ids", metavar="ID", type=int, nargs="+", help="A task's number")
@@ -94,6 +95,63 @@ def _add_views(commands: Commands) -> None:
     command = _add(commands, "watch", "Print a line for each change, until Ctrl-C", _watch)
     what = "Only this task (default: all tasks)"
     command.add_argument("task_id", metavar="ID", type=int, nargs="?", default=0, help=what)
+
+
+def _add_export(commands: Commands) -> None:
+    what = "Write all ended tasks of a database, the oldest first; the server may run meanwhile"
+    command = add_command(commands, "export", what)
+    add = command.add_argument
+    what = "The database of the server or of the fleet (default: that of a server without --db)"
+    add("--db", metavar="FILE|URL", type=_database, help=what)
+    what = "Only tasks that ended since then: 2026-11-29T08:00 in UTC, or 12h or 7d ago"
+    add("--since", metavar="T", type=_instant, help=what)
+    kind = command.add_mutually_exclusive_group()
+    kind.add_argument("--csv", action="store_true", help="Write CSV with a heading (the default)")
+    kind.add_argument("--jsonl", action="store_true", help="Write a JSON object a line")
+    command.set_defaults(run=_export)
+
+
+def _database(text: str) -> str:
+    """Return a valid `--db`. Raises argparse's ArgumentTypeError."""
+    from argparse import ArgumentTypeError
+
+    from taskrpc.cli.shared.task_database import mistyped
+
+    if problem := mistyped(text):
+        raise ArgumentTypeError(problem.removeprefix("--db: "))
+    return text
+
+
+def _instant(text: str) -> float:
+    """Return an instant as seconds since 1970. Raises argparse's ArgumentTypeError."""
+    import re
+    from argparse import ArgumentTypeError
+    from datetime import UTC, datetime
+
+    from taskrpc.spi import time_of_day
+
+    if match := re.fullmatch(r"(\d{1,6})([mhd])", text, re.ASCII):
+        return time_of_day() - int(match[1]) * {"m": 60.0, "h": 3600.0, "d": 86400.0}[match[2]]
+    try:
+        at = datetime.fromisoformat(text)
+    except ValueError:
+        rule = "a time such as 2026-11-29 or 2026-11-29T08:00+01:00, or 30m, 12h or 7d"
+        raise ArgumentTypeError(f"expected {rule}, got {text!r}") from None
+    return (at if at.tzinfo else at.replace(tzinfo=UTC)).timestamp()
+
+
+def _export(options: Namespace) -> Exit:
+    import asyncio
+
+    from taskrpc.cli.robot.task.export import export
+
+    since = options.since or 0.0
+    asyncio.run(export(options.db, since, as_csv=not options.jsonl, write=_write))
+    return Exit.DONE
+
+
+def _write(text: str) -> None:
+    print(text, end="", flush=True)
 
 
 def _add(commands: Commands, verb: str, purpose: str, action: Action) -> Parser:

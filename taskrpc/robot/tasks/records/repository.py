@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import partial
-from itertools import islice
 from typing import Any, TypeAlias
 
 import msgspec
@@ -14,6 +13,7 @@ import msgspec
 from taskrpc.errors import TaskRpcError, text_for_callers
 from taskrpc.robot.tasks.model import Task, TaskState
 from taskrpc.robot.tasks.records.change_feed import ChangeFeed
+from taskrpc.robot.tasks.records.history import newest_end
 from taskrpc.robot.tasks.records.store import TaskStore
 from taskrpc.spi import ClientKey, Completion, StoredCompletions
 
@@ -27,16 +27,11 @@ class TaskRepository:
     Args:
         store: keeps the tasks for the next server.
         change_feed: announces the changes.
-        keep_ended: how many ended tasks are remembered; the oldest are forgotten. Interrupted
-            tasks do not count and are never forgotten: an operator decides about each of them.
     """
 
-    def __init__(
-        self, store: TaskStore, change_feed: ChangeFeed, *, keep_ended: int = 1000
-    ) -> None:
+    def __init__(self, store: TaskStore, change_feed: ChangeFeed) -> None:
         self.change_feed = change_feed
         self._store = store
-        self._keep_ended = keep_ended
         self._tasks: dict[int, Task] = {}
         # Two ordered sets of task ids, the oldest end first.
         self._ended: dict[int, None] = {}  # without the interrupted tasks
@@ -250,8 +245,9 @@ class TaskRepository:
         if not ending:
             return []
         busy = {*self._commits, *(task.task_id for task in tasks)}
-        idle = (task_id for task_id in self._ended if task_id not in busy)
-        return list(islice(idle, max(0, len(self._ended) + len(ending) - self._keep_ended)))
+        idle = (self._tasks[task_id] for task_id in self._ended if task_id not in busy)
+        now, count = newest_end(ending) or 0.0, len(self._ended) + len(ending)
+        return self._store.history.surplus(idle, count, now)
 
 
 def resolve_future(future: asyncio.Future[None], error: BaseException | None) -> None:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 import os
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 from taskrpc.robot.tasks.model import Task
 from taskrpc.robot.tasks.records import task_tables
+from taskrpc.robot.tasks.records.history import DEFAULT, History, newest_end
 from taskrpc.robot.tasks.records.store import Stored
 from taskrpc.robot.tasks.records.task_tables import Change
 from taskrpc.spi import ClientKey, Completion, Database, FileInUse, Writer
@@ -23,11 +25,15 @@ class SqliteStore:
     Args:
         path: the database file; it is made if it does not exist. The file `<path>.lock` beside it
             says which server uses the database.
+        history: which ended tasks are kept.
     """
 
-    def __init__(self, path: str | os.PathLike[str]) -> None:
+    def __init__(self, path: str | os.PathLike[str], *, history: History = DEFAULT) -> None:
+        self.history = history
+        """Which ended tasks are kept."""
         self._path = Path(path).absolute()
-        self._writer: Writer[Change] = Writer(self._open_file, task_tables.write)
+        write = partial(task_tables.write, history=history)
+        self._writer: Writer[Change] = Writer(self._open_file, write)
         self._clearing = False
         """Whether to accept a missing or incomplete file, because `clear` is running."""
 
@@ -63,7 +69,8 @@ class SqliteStore:
     ) -> asyncio.Future[None]:
         """Remember and forget in one transaction; the future resolves once that is on the disk."""
         rows = [task_tables.row_of(task) for task in saved]
-        return self._writer.change(Change(rows, forgotten, completion, clients))
+        ended_at = newest_end(saved)
+        return self._writer.change(Change(rows, forgotten, completion, clients, ended_at=ended_at))
 
     async def remember_pause(self, paused: bool) -> None:
         """Remember whether the queue is paused; it is on the disk when this returns."""

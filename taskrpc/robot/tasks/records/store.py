@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Awaitable, Sequence
 from typing import Protocol
 
 import msgspec
 
 from taskrpc.robot.tasks.model import Task
+from taskrpc.robot.tasks.records.history import DEFAULT, History
 from taskrpc.spi import ClientKey, Completion, CompletionIndex, present_chance
 
 
@@ -31,6 +33,10 @@ class TaskStore(Protocol):
 
     A store opens itself at its first call.
     """
+
+    @property
+    def history(self) -> History:
+        """Which ended tasks are kept. The store archives forgotten tasks that belong to it."""
 
     async def load(self) -> Stored:
         """Return everything that the store remembers.
@@ -80,9 +86,15 @@ class TaskStore(Protocol):
 
 
 class MemoryStore:
-    """A store in memory: it lasts as long as the object itself."""
+    """A store in memory: it lasts as long as the object itself.
 
-    def __init__(self) -> None:
+    Args:
+        history: which ended tasks are kept; the server has all of them in memory.
+    """
+
+    def __init__(self, *, history: History = DEFAULT) -> None:
+        self.history = msgspec.structs.replace(history, recent=sys.maxsize)
+        """Which ended tasks are kept."""
         self._tasks: dict[int, Task] = {}
         self._next_id = 1
         self._paused = False

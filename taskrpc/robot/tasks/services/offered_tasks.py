@@ -384,14 +384,16 @@ class OfferedTasks:
         self, request: ReprioritiseTask.Request, response: ReprioritiseTask.Response
     ) -> ReprioritiseTask.Response:
         """Change a task's priority; see ReprioritiseTask.srv."""
-        result = await self.manager.reprioritise(request.task_id, request.priority)
+        priority, client = request.priority, client_name()
+        result = await self.manager.reprioritise(request.task_id, priority, client=client)
         return filled(response, result)
 
     async def requeue(
         self, request: RequeueTask.Request, response: RequeueTask.Response
     ) -> RequeueTask.Response:
         """Queue an ended task again; see RequeueTask.srv."""
-        result = await self.manager.requeue(request.task_id, resume=request.resume)
+        resume, client = request.resume, client_name()
+        result = await self.manager.requeue(request.task_id, resume=resume, client=client)
         return filled(response, result)
 
     async def drop(

@@ -8,6 +8,7 @@ import pytest
 from taskrpc.cli.robot.server import command_line as server_module
 from taskrpc.cli.robot.server.command_line import main
 from taskrpc.core.security.lab import Lab, remember_lab
+from taskrpc.robot.tasks import History
 
 ROBOT = """
 import asyncio
@@ -73,6 +74,30 @@ def test_option_out_of_range_is_named(server, options):
     code, err = server(*options)
     assert code == 2
     assert f"argument {options[0]}: expected a " in err
+
+
+@pytest.mark.parametrize(
+    ("given", "history"),
+    [
+        ([], History()),
+        (["--history", "250000"], History(count=250_000)),
+        (["--history", "30d"], History(count=None, seconds=30 * 86_400.0)),
+    ],
+)
+@pytest.mark.parametrize("database", ["tasks.db", ":memory:"])
+def test_history_is_a_number_of_tasks_or_of_days(tmp_path, given, history, database):
+    path = database if database == ":memory:" else str(tmp_path / database)
+    store = server_module._store(server_module._parser().parse_args(["--db", path, *given]))
+    kept = store.history
+    assert (kept.count, kept.seconds) == (history.count, history.seconds)
+
+
+@pytest.mark.parametrize("given", ["0", "-5", "d", "0d", "1.5d", "30 d", "12h", "²"])
+def test_wrong_history_is_refused(server, given):
+    code, err = server(f"--history={given}")
+    assert code == 2
+    rule = "a number of tasks such as 100000, or of days such as 30d"
+    assert f"argument --history: expected {rule}, got {given!r}" in err
 
 
 @pytest.mark.parametrize(

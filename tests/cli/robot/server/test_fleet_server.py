@@ -9,6 +9,7 @@ import pytest
 from taskrpc.cli.robot.server import fleet_server
 from taskrpc.cli.robot.server.command_line import main
 from taskrpc.core.security.installing import install_command
+from taskrpc.robot.tasks import History
 
 URL = "postgresql://ann:s3cret-word@127.0.0.1:1/fleet"
 
@@ -81,7 +82,7 @@ def test_missing_psycopg_is_named_with_the_command(server, monkeypatch):
     monkeypatch.setitem(sys.modules, "psycopg", None)
     for name in [each for each in sys.modules if each.startswith("taskrpc.robot.fleet.postgres")]:
         monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delattr("taskrpc.robot.fleet.postgres_connection", raising=False)
+    monkeypatch.delattr("taskrpc.robot.fleet.postgres.connection", raising=False)
     code, error = server("--db", URL)
     assert code == 1
     assert install_command("postgres", "psycopg[binary]") in error
@@ -91,14 +92,14 @@ def test_password_in_the_command_is_reported(caplog):
     pytest.importorskip("psycopg")
     for url, count in ((URL, 1), (URL.replace(":s3cret-word", ""), 0)):
         caplog.clear()
-        fleet_server.store_of(Namespace(db=url))
+        fleet_server.store_of(Namespace(db=url), History())
         assert caplog.text.count("put it into PGPASSWORD or ~/.pgpass instead") == count
         assert "s3cret" not in caplog.text
 
 
 def test_warnings_of_psycopg_are_left_out(caplog):
     pytest.importorskip("psycopg")
-    fleet_server.store_of(Namespace(db="postgresql://ann@127.0.0.1:1/fleet"))
+    fleet_server.store_of(Namespace(db="postgresql://ann@127.0.0.1:1/fleet"), History())
     logging.getLogger("psycopg").warning("error ignored terminating a pipeline")
     assert caplog.text == ""
 

@@ -1,12 +1,17 @@
 """Rules for every store; each kind of store runs them in a test file of its own."""
 
 import asyncio
+from collections.abc import Awaitable, Callable
+from typing import NamedTuple
 
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from taskrpc.core.request_ids.ids import Completion
 from taskrpc.robot.tasks.model import EstimateChange, Task, TaskState
+from taskrpc.robot.tasks.records.archive import EndedTasks, end_of, pages_of
+from taskrpc.robot.tasks.records.history import AT_ONCE, History
+from taskrpc.robot.tasks.records.store import TaskStore
 
 # One store serves all examples, and several classes have the rules.
 CHECKS = [HealthCheck.function_scoped_fixture, HealthCheck.differing_executors]
@@ -142,3 +147,111 @@ class StoreRules:
         task = make(1, target=text, message=text, result=text, client=text, started_at=instant)
         await store.apply([task])
         assert (await store.load()).tasks == (task,)
+
+
+def ended(number, at, **changes):
+    return make(number, state=TaskState.SUCCEEDED, started_at=at - 1, ended_at=at, **changes)
+
+
+class Opened(NamedTuple):
+    """A store, and how tasks end in it."""
+
+    store: TaskStore
+    end: Callable[..., Awaitable[object]]
+    """Stores ended tasks."""
+    source: EndedTasks
+    """Reads the ended tasks beside the store."""
+
+
+class HistoryRules:
+    """The rules for stores with an archive; a subclass has the fixture `opened`.
+
+    `await opened(history)` opens the store of the test, again after a first call.
+    """
+
+    async def ids(self, opened):
+        """The tasks that a server has in memory, and the archived ones."""
+        loaded = sorted(task.task_id for task in (await opened.store.load()).tasks)
+        assert sorted(task.task_id for task in await opened.source.recent()) == loaded
+        archived, after = [], (0.0, -1)
+        while page := await opened.source.archived(after):
+            archived += [task.task_id for task in page]
+            after = end_of(page[-1])
+        return loaded, archived
+
+    async def test_older_tasks_are_archived_and_the_oldest_are_removed(self, opened):
+        kept = await opened(History(count=5, recent=2))
+        for number in range(1, 10):
+            await kept.end(ended(number, number))
+        assert await self.ids(kept) == ([8, 9], [5, 6, 7])
+
+    async def test_tasks_are_kept_for_the_time_of_the_history(self, opened):
+        kept = await opened(History(count=None, seconds=10.0, recent=2))
+        for number in range(1, 21):
+            await kept.end(ended(number, number))
+        assert await self.ids(kept) == ([19, 20], list(range(10, 19)))
+        await kept.end(ended(21, 1000.0))
+        assert await self.ids(kept) == ([21], [])
+
+    async def test_without_an_archive_old_tasks_are_removed(self, opened):
+        kept = await opened(History(count=2))
+        for number in range(1, 6):
+            await kept.end(ended(number, number))
+        assert await self.ids(kept) == ([4, 5], [])
+
+    async def test_interrupted_tasks_are_kept_whatever_the_history_is(self, opened):
+        kept = await opened(History(count=None, seconds=1.0, recent=1))
+        await kept.end(make(1, state=TaskState.INTERRUPTED, ended_at=1.0))
+        for number in range(2, 6):
+            await kept.end(ended(number, number * 100))
+        assert await self.ids(kept) == ([1, 5], [])
+
+    async def test_a_shorter_history_removes_few_tasks_at_a_time(self, opened):
+        kept = await opened(History(count=None, recent=10))
+        for number in range(1, 301):
+            await kept.end(ended(number, number))
+        assert await self.ids(kept) == (list(range(291, 301)), list(range(1, 291)))
+        kept = await opened(History(count=15, recent=10))
+        await kept.end(ended(301, 301))
+        loaded, archived = await self.ids(kept)
+        assert loaded == list(range(292, 302))
+        assert archived == list(range(AT_ONCE + 1, 292))
+        for number in range(302, 310):
+            await kept.end(ended(number, number))
+        assert await self.ids(kept) == (list(range(300, 310)), list(range(295, 300)))
+
+    async def test_fewer_tasks_in_memory_archive_the_others(self, opened):
+        kept = await opened(History(count=20, recent=10))
+        for number in range(1, 11):
+            await kept.end(ended(number, number))
+        kept = await opened(History(count=5, recent=5))
+        for number in (11, 12):
+            await kept.end(ended(number, number))
+        assert await self.ids(kept) == ([8, 9, 10, 11, 12], [])
+
+    async def test_a_cleared_store_has_no_archive(self, opened):
+        kept = await opened(History(count=10, recent=1))
+        for number in range(1, 5):
+            await kept.end(ended(number, number))
+        await kept.store.clear()
+        assert await self.ids(kept) == ([], [])
+
+    async def test_archived_tasks_are_read_unchanged(self, opened):
+        kept = await opened(History(count=10, recent=1))
+        task = ended(1, 5.0, message="a 'quoted' \x00 sentence", client="ü", machine="::1")
+        task = task.decided(2.0, "ann", "moved to priority 9")
+        await kept.end(task)
+        assert await kept.source.recent() == [task]
+        await kept.end(ended(2, 6.0))
+        assert await kept.source.archived((0.0, -1)) == [task]
+
+    async def test_reader_gets_each_ended_task_once_in_the_order_of_the_ends(self, opened):
+        kept = await opened(History(count=None, recent=3))
+        await kept.end(make(1, state=TaskState.INTERRUPTED, ended_at=4.5))
+        await kept.store.apply([make(2)])
+        for number in range(3, 12):
+            await kept.end(ended(number, number))
+        found = [task.task_id async for page in pages_of(kept.source, 0.0) for task in page]
+        assert found == [3, 4, 1, 5, 6, 7, 8, 9, 10, 11]
+        found = [task.task_id async for page in pages_of(kept.source, 8.0) for task in page]
+        assert found == [8, 9, 10, 11]

@@ -8,6 +8,7 @@ from taskrpc.core.request_ids.ids import Completion
 from taskrpc.errors import StoreError
 from taskrpc.robot.tasks.model import Task, TaskState
 from taskrpc.robot.tasks.records.change_feed import ChangeFeed
+from taskrpc.robot.tasks.records.history import History
 from taskrpc.robot.tasks.records.repository import TaskRepository
 from tests.robot.tasks.fakes import FullStore
 
@@ -73,8 +74,8 @@ async def test_cancelled_save_leaves_no_half_saved_task():
 
 
 async def test_the_oldest_ended_tasks_are_forgotten_in_the_store_too():
-    store, feed = FullStore(), ChangeFeed()
-    repository = TaskRepository(store, feed, keep_ended=3)
+    store, feed = FullStore(History(count=3)), ChangeFeed()
+    repository = TaskRepository(store, feed)
     for number in range(1, 8):
         await repository.save(make(number))
     for number in (7, 1, 3, 2, 5):
@@ -84,23 +85,23 @@ async def test_the_oldest_ended_tasks_are_forgotten_in_the_store_too():
 
 
 async def test_interrupted_tasks_are_never_forgotten():
-    store = FullStore()
-    repository = TaskRepository(store, ChangeFeed(), keep_ended=2)
+    store = FullStore(History(count=2))
+    repository = TaskRepository(store, ChangeFeed())
     for number in range(1, 5):
         await repository.save(make(number, state=TaskState.INTERRUPTED))
     for number in range(5, 10):
         await repository.save(make(number, state=TaskState.CANCELED))
     assert [task.task_id for task in (await store.load()).tasks] == [1, 2, 3, 4, 8, 9]
     assert [task.task_id for task in repository.ended()] == [4, 3, 2, 1, 9, 8]
-    reopened = TaskRepository(store, ChangeFeed(), keep_ended=2)
+    reopened = TaskRepository(store, ChangeFeed())
     await reopened.open()
     await reopened.save(make(10, state=TaskState.CANCELED))
     assert list(reopened.interrupted) == [1, 2, 3, 4]
 
 
 async def test_an_interrupted_task_counts_as_ended_once_it_is_dropped():
-    store = FullStore()
-    repository = TaskRepository(store, ChangeFeed(), keep_ended=2)
+    store = FullStore(History(count=2))
+    repository = TaskRepository(store, ChangeFeed())
     await repository.save(make(1, state=TaskState.INTERRUPTED))
     await repository.save(*(make(number, state=TaskState.CANCELED) for number in (2, 3)))
     await repository.save(make(1, state=TaskState.CANCELED))
@@ -109,8 +110,8 @@ async def test_an_interrupted_task_counts_as_ended_once_it_is_dropped():
 
 
 async def test_requeued_task_is_not_forgotten():
-    store, feed = FullStore(), ChangeFeed()
-    repository = TaskRepository(store, feed, keep_ended=2)
+    store, feed = FullStore(History(count=2)), ChangeFeed()
+    repository = TaskRepository(store, feed)
     await repository.save(*(make(number, state=TaskState.CANCELED) for number in (1, 2)))
     store.delay = 1.0
     await asyncio.gather(repository.save(make(1)), repository.save(make(3, state=TaskState.FAILED)))
@@ -119,8 +120,8 @@ async def test_requeued_task_is_not_forgotten():
 
 
 async def test_numbers_go_on_where_the_server_before_ended():
-    store = FullStore()
-    first = TaskRepository(store, ChangeFeed(), keep_ended=0)
+    store = FullStore(History(count=0))
+    first = TaskRepository(store, ChangeFeed())
     await first.open()
     numbers = [first.new_id(), first.new_id()]
     await first.save(*(make(number, arrival=first.new_arrival()) for number in numbers))

@@ -23,7 +23,7 @@ def path(tmp_path):
     return tmp_path / "tasks.db"
 
 
-@pytest.mark.parametrize("version", [FORMAT - 1, FORMAT + 1])
+@pytest.mark.parametrize("version", [FORMAT - 2, FORMAT + 1])
 async def test_a_file_of_another_format_is_refused(path, version):
     store = SqliteStore(path)
     await store.load()
@@ -33,6 +33,23 @@ async def test_a_file_of_another_format_is_refused(path, version):
     connection.close()
     message = await refused(path)
     assert f"expected a task database of format {FORMAT}, found format {version}" in message
+
+
+async def test_file_of_the_format_before_the_history_is_upgraded_and_keeps_its_tasks(path):
+    store = SqliteStore(path)
+    await store.apply([make(1), make(7)])
+    await store.close()
+    with sqlite3.connect(path) as connection:
+        connection.execute("DROP TABLE history")
+        connection.execute("PRAGMA user_version = 2")
+    connection.close()
+    store = SqliteStore(path)
+    await store.apply([make(8)])
+    assert (await store.load()).tasks == (make(1), make(7), make(8))
+    await store.close()
+    with sqlite3.connect(path) as connection:
+        assert connection.execute("PRAGMA user_version").fetchone() == (FORMAT,)
+    connection.close()
 
 
 SEVEN = "(table task, row task_id = 7: "

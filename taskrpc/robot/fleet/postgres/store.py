@@ -26,7 +26,7 @@ import msgspec
 
 from taskrpc.errors import OutcomeUnknown, StoreError, TaskRpcError
 from taskrpc.robot.fleet.model import Meta, RobotRecord
-from taskrpc.robot.fleet.postgres_connection import (
+from taskrpc.robot.fleet.postgres.connection import (
     FAILURES,
     Connection,
     DatabaseUrl,
@@ -35,10 +35,11 @@ from taskrpc.robot.fleet.postgres_connection import (
     close,
     is_lost,
 )
-from taskrpc.robot.fleet.postgres_schema import check_version, prepare
+from taskrpc.robot.fleet.postgres.schema import check_version, prepare
 from taskrpc.robot.fleet.state import Changes
 from taskrpc.robot.fleet.store import FleetStore, Outcome, Pending, RequestKey, carry_out
 from taskrpc.robot.tasks.model import Task
+from taskrpc.robot.tasks.records.history import AT_ONCE, DEFAULT, History
 from taskrpc.spi import (
     CLIENT_LEASE,
     ClientKey,
@@ -88,6 +89,28 @@ _SAVE_TASKS = """
         record = excluded.record
 """
 _FORGET_TASKS = "DELETE FROM taskrpc_task WHERE task_id = ANY(%s)"
+_ARCHIVE_TASKS = """
+    WITH gone AS (DELETE FROM taskrpc_task WHERE task_id = ANY(%s) RETURNING task_id, record)
+    INSERT INTO taskrpc_history (number, task_id, ended_at, record)
+    SELECT (SELECT coalesce(max(number), 0) FROM taskrpc_history)
+        + row_number() OVER (ORDER BY ended_at, task_id), task_id, ended_at, record
+    FROM gone JOIN unnest(%s::bigint[], %s::float8[]) AS ends (task_id, ended_at) USING (task_id)
+"""
+_PRUNE = (
+    f"""
+    DELETE FROM taskrpc_history WHERE number IN (
+        SELECT number FROM taskrpc_history
+        WHERE number <= (SELECT max(number) FROM taskrpc_history) - %s::bigint
+        ORDER BY number LIMIT {AT_ONCE}
+    )
+    """,
+    f"""
+    DELETE FROM taskrpc_history WHERE number IN (
+        SELECT number FROM taskrpc_history WHERE ended_at < %s::float8
+        ORDER BY ended_at, task_id LIMIT {AT_ONCE}
+    )
+    """,
+)
 _SAVE_ROBOTS = """
     INSERT INTO taskrpc_robot (name, revision, lease_until, record)
     SELECT name, %s, to_timestamp(lease_until), record
@@ -121,6 +144,7 @@ _FORGET_OLD_CLIENTS = """
 """
 _CLEAR = (
     "DELETE FROM taskrpc_task",
+    "DELETE FROM taskrpc_history",
     "DELETE FROM taskrpc_completion",
     "UPDATE taskrpc_fleet SET store_id = uuid_send(gen_random_uuid())",
 )
@@ -158,14 +182,14 @@ class PostgresStore(FleetStore):
         url: `postgresql://USER:PASSWORD@HOST:PORT/DATABASE`; libpq's parameters and environment
             variables hold too, such as `?sslmode=verify-full` and PGPASSWORD.
         listen: whether to follow the changes of other servers.
-        keep_ended: see `FleetStore`.
+        history: see `FleetStore`.
 
     Raises:
         TaskRpcError: the URL is not valid.
     """
 
-    def __init__(self, url: str, *, listen: bool = True, keep_ended: int = 1000) -> None:
-        super().__init__(keep_ended=keep_ended)
+    def __init__(self, url: str, *, listen: bool = True, history: History = DEFAULT) -> None:
+        super().__init__(history=history)
         self.url = DatabaseUrl(url)
         self._listen = listen
         self._writer_name = f"taskrpc writer {os.urandom(8).hex()}"
@@ -373,7 +397,11 @@ class PostgresStore(FleetStore):
                     await connection.execute(statement)
             saved = [task for task in changes.tasks.values() if task is not None]
             if gone := [number for number, task in changes.tasks.items() if task is None]:
-                await connection.execute(_FORGET_TASKS, (gone,))
+                if self.history.archived == 0:
+                    await connection.execute(_FORGET_TASKS, (gone,))
+                else:  # the statement must not read a record: JSON may contain what SQL cannot
+                    ends = list(changes.ends), list(changes.ends.values())
+                    await connection.execute(_ARCHIVE_TASKS, (gone, *ends))
             if saved:
                 columns = (
                     [task.task_id for task in saved],
@@ -382,6 +410,11 @@ class PostgresStore(FleetStore):
                     [_text(task) for task in saved],
                 )
                 await connection.execute(_SAVE_TASKS, (meta.revision, *columns))
+            if (now := changes.newest_end()) is not None:
+                limits = self.history.archived, self.history.kept_since(now)
+                for statement, limit in zip(_PRUNE, limits, strict=True):
+                    if limit is not None:
+                        await connection.execute(statement, (limit,))
             if robots := list(changes.robots.values()):
                 names, leases = (
                     [each.name for each in robots],

@@ -7,8 +7,8 @@ from taskrpc.errors import StoreError, TaskRpcError
 
 pytest.importorskip("psycopg")
 
-from taskrpc.robot.fleet.postgres_connection import DatabaseUrl, answered, close
-from taskrpc.robot.fleet.postgres_store import PostgresStore
+from taskrpc.robot.fleet.postgres.connection import DatabaseUrl, answered, close
+from taskrpc.robot.fleet.postgres.store import PostgresStore
 
 SECRET = "s3cret-word"
 
@@ -181,7 +181,7 @@ async def test_wrong_password_is_never_shown(own_cluster):
 @pytest.mark.postgres
 @pytest.mark.real_time
 async def test_connection_that_does_not_answer_is_cut(postgres_url, monkeypatch):
-    monkeypatch.setattr("taskrpc.robot.fleet.postgres_connection.ANSWER_TIMEOUT", 0.2)
+    monkeypatch.setattr("taskrpc.robot.fleet.postgres.connection.ANSWER_TIMEOUT", 0.2)
     connection = await DatabaseUrl(postgres_url).connect("test")
     with pytest.raises(Exception, match=r"closed|lost|terminat|consuming"):
         await answered(connection, connection.execute("SELECT pg_sleep(5)"))

@@ -8,9 +8,9 @@ from tests.robot.fleet.fakes import task
 
 pytest.importorskip("psycopg")
 
-from taskrpc.robot.fleet.postgres_connection import DatabaseUrl, close
-from taskrpc.robot.fleet.postgres_schema import MIGRATIONS, VERSION, check_version, prepare
-from taskrpc.robot.fleet.postgres_store import PostgresStore
+from taskrpc.robot.fleet.postgres.connection import DatabaseUrl, close
+from taskrpc.robot.fleet.postgres.schema import MIGRATIONS, VERSION, check_version, prepare
+from taskrpc.robot.fleet.postgres.store import PostgresStore
 
 pytestmark = [pytest.mark.postgres, pytest.mark.real_time]
 
@@ -39,18 +39,18 @@ async def test_server_of_an_older_version_changes_nothing_while_another_one_upgr
     old, new = PostgresStore(postgres_url), PostgresStore(postgres_url)
     with monkeypatch.context() as older:
         older.setattr(
-            "taskrpc.robot.fleet.postgres_store.check_version",
+            "taskrpc.robot.fleet.postgres.store.check_version",
             lambda found: check_version(found, VERSION - 1),
         )
         older.setattr(
-            "taskrpc.robot.fleet.postgres_store.prepare",
+            "taskrpc.robot.fleet.postgres.store.prepare",
             lambda connection: prepare(connection, MIGRATIONS[:-1]),
         )
         await old.apply([task(1)])
     await new.apply([task(2)])  # upgrades the tables while the older server is connected
     with monkeypatch.context() as older:
         older.setattr(
-            "taskrpc.robot.fleet.postgres_store.check_version",
+            "taskrpc.robot.fleet.postgres.store.check_version",
             lambda found: check_version(found, VERSION - 1),
         )
         for _ in range(2):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from taskrpc.errors import StoreError
-from taskrpc.robot.fleet.postgres_connection import FAILURES, Connection
+from taskrpc.robot.fleet.postgres.connection import FAILURES, Connection
 
 _MIGRATION_LOCK = 0x54525043  # the key of an advisory lock: "TRPC"
 
@@ -58,6 +58,15 @@ MIGRATIONS: tuple[tuple[str, ...], ...] = (
     # version 3: no other tables. Records of robots have fields that an earlier program would ignore
     # and lose, such as `paused`.
     (),
+    (  # version 4: the archived tasks. `number` counts them, so that no removal needs a search
+        """
+        CREATE TABLE taskrpc_history (
+            number bigint PRIMARY KEY, task_id bigint NOT NULL, ended_at float8 NOT NULL,
+            record text NOT NULL
+        )
+        """,
+        "CREATE INDEX taskrpc_history_ended ON taskrpc_history (ended_at, task_id)",
+    ),
 )
 """The statements that lead from each version to the next one. Released ones are never changed."""
 
@@ -71,12 +80,14 @@ _COLUMNS = (
     "SELECT principal, client, sequence, record, checksum, stored_at FROM taskrpc_completion"
     " LIMIT 0",
     "SELECT writer, batch, used_at FROM taskrpc_writer LIMIT 0",
+    "SELECT number, task_id, ended_at, record FROM taskrpc_history LIMIT 0",
 )
 """Statements that fail if a table of `VERSION` or a column is missing."""
 
 _IS_MISSING = ("42P01", "42703")  # PostgreSQL's codes: no such table, no such column
 
-_TABLE_EXISTS = "SELECT to_regclass('taskrpc_fleet') IS NOT NULL"
+TABLE_EXISTS = "SELECT to_regclass('taskrpc_fleet') IS NOT NULL"
+"""A statement that returns whether the tables were created."""
 
 
 async def prepare(connection: Connection, migrations: Sequence[Sequence[str]] = MIGRATIONS) -> None:
@@ -89,7 +100,7 @@ async def prepare(connection: Connection, migrations: Sequence[Sequence[str]] = 
         # Servers that start together wait here for the first one.
         await connection.execute("SELECT pg_advisory_xact_lock(%s)", (_MIGRATION_LOCK,))
         version = 0
-        found = await (await connection.execute(_TABLE_EXISTS)).fetchone()
+        found = await (await connection.execute(TABLE_EXISTS)).fetchone()
         if found is not None and found[0]:
             row = await (await connection.execute("SELECT version FROM taskrpc_fleet")).fetchone()
             if row is None:

@@ -11,11 +11,14 @@ from taskrpc.robot.fleet import rules
 from taskrpc.robot.fleet.store import AlreadyCompleted
 from tests.faults.postgres_proxy import CUT, SWALLOW, PostgresProxy
 from tests.robot.fleet.fakes import robot, task
-from tests.robot.tasks.records.store_rules import StoreRules
+from tests.robot.tasks.records.store_rules import HistoryRules, Opened, StoreRules, ended
 
 psycopg = pytest.importorskip("psycopg")
 
-from taskrpc.robot.fleet.postgres_store import PostgresStore  # noqa: E402
+from taskrpc.robot.fleet.postgres.archive import PostgresEndedTasks  # noqa: E402
+from taskrpc.robot.fleet.postgres.connection import DatabaseUrl, close  # noqa: E402
+from taskrpc.robot.fleet.postgres.schema import VERSION  # noqa: E402
+from taskrpc.robot.fleet.postgres.store import PostgresStore  # noqa: E402
 
 pytestmark = [pytest.mark.postgres, pytest.mark.real_time]
 
@@ -31,6 +34,40 @@ class TestPostgresStore(StoreRules):
     pass
 
 
+class TestHistoryInPostgres(HistoryRules):
+    @pytest.fixture
+    async def opened(self, postgres_url):
+        used = []
+
+        async def opened(history):
+            store = PostgresStore(postgres_url, history=history)
+            used.extend((store, source := PostgresEndedTasks(postgres_url)))
+            return Opened(store, lambda *tasks: store.apply(tasks), source)
+
+        yield opened
+        for each in used:
+            await each.close()
+
+
+async def test_ended_tasks_are_not_read_from_a_database_without_a_fleet(postgres_url):
+    source = PostgresEndedTasks(postgres_url)
+    problem = f"expected the tables of a fleet of version {VERSION}, found version 0"
+    with pytest.raises(StoreError, match=problem):
+        await source.recent()
+    await source.close()
+
+
+async def test_ended_tasks_are_read_while_a_transaction_holds_the_fleet(postgres_url, store):
+    await store.apply([ended(1, 5.0)])
+    connection = await DatabaseUrl(postgres_url).connect("test")
+    await connection.execute("BEGIN")
+    await connection.execute("SELECT 1 FROM taskrpc_fleet FOR UPDATE")
+    source = PostgresEndedTasks(postgres_url)
+    assert await source.recent() == [ended(1, 5.0)]
+    await source.close()
+    await close(connection)
+
+
 def put(number):
     return lambda state, now: state.put_task(task(number))
 
@@ -42,7 +79,7 @@ async def until(condition, seconds=10):
 
 
 async def test_changes_of_one_server_reach_the_others_at_once(postgres_url, store, monkeypatch):
-    monkeypatch.setattr("taskrpc.robot.fleet.postgres_store.POLL", 60.0)
+    monkeypatch.setattr("taskrpc.robot.fleet.postgres.store.POLL", 60.0)
     other = PostgresStore(postgres_url)
     await other.refresh()
     await asyncio.sleep(0.5)
@@ -123,7 +160,7 @@ async def test_statement_that_fails_changes_nothing(store):
 
 async def test_transaction_is_repeated_when_the_database_was_restarted(own_cluster, monkeypatch):
     # A busy machine may need long for the recovery.
-    monkeypatch.setattr("taskrpc.robot.fleet.postgres_store.PATIENCE", 60.0)
+    monkeypatch.setattr("taskrpc.robot.fleet.postgres.store.PATIENCE", 60.0)
     store = PostgresStore(own_cluster.url())
     await store.transact(put(1))
     own_cluster.kill()
@@ -181,7 +218,7 @@ async def test_copy_is_read_at_once_when_the_database_was_restarted(own_cluster)
 
 
 async def test_database_that_stays_away_is_reported_and_nothing_is_stored(own_cluster, monkeypatch):
-    monkeypatch.setattr("taskrpc.robot.fleet.postgres_store.PATIENCE", 0.5)
+    monkeypatch.setattr("taskrpc.robot.fleet.postgres.store.PATIENCE", 0.5)
     store = PostgresStore(own_cluster.url())
     await store.transact(put(1))
     own_cluster.kill()
@@ -261,7 +298,7 @@ async def proxied(postgres_url, shared_cluster, proxy, monkeypatch):
     url = postgres_url.replace(f":{shared_cluster.port}/", f":{proxy.port}/")
     store = PostgresStore(url, listen=False)
     await store.apply([task(1)])
-    monkeypatch.setattr("taskrpc.robot.fleet.postgres_store.PATIENCE", 0.1)
+    monkeypatch.setattr("taskrpc.robot.fleet.postgres.store.PATIENCE", 0.1)
     yield store
     await store.close()
 
@@ -291,7 +328,7 @@ async def test_standby_cannot_say_that_a_commit_took_no_effect(
 async def test_number_that_may_be_forgotten_leaves_the_outcome_unknown(
     proxied, proxy, postgres_url, monkeypatch
 ):
-    monkeypatch.setattr("taskrpc.robot.fleet.postgres_store._BATCHES_KEPT", 0.0)
+    monkeypatch.setattr("taskrpc.robot.fleet.postgres.store._BATCHES_KEPT", 0.0)
     with psycopg.connect(postgres_url, autocommit=True) as other:
         other.execute("DELETE FROM taskrpc_writer")
     proxy.arm(SWALLOW)
