@@ -1,0 +1,107 @@
+"""`taskrpc bridge mcp`: services, actions and topics as tools and resources of an agent."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from taskrpc.cli.shared import remote
+from taskrpc.cli.shared.command import Exit, UsageError, exit_after, tune_for_long_run
+from taskrpc.errors import TaskRpcError
+
+if TYPE_CHECKING:
+    from taskrpc.bridges.mcp.serving import HttpServer
+
+_NAME = "mcp_bridge"
+"""The name of the node."""
+_NEEDED = "taskrpc bridge mcp needs the package mcp 2.3 or newer: pip install 'taskrpc[mcp]'"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the arguments of `taskrpc bridge mcp` to its parser."""
+    add = parser.add_argument
+    what = "Serve HTTP at this address of this machine, not standard input and output"
+    add("--http", metavar="HOST:PORT", type=remote.address, help=what)
+    what = "A file with the token that HTTP clients must send (or set TASKRPC_TOKEN)"
+    add("--token-file", metavar="FILE", help=what)
+    add(
+        "--map",
+        metavar="FILE",
+        type=Path,
+        help="The map of the robot (YAML), for the agent to read",
+    )
+    parser.set_defaults(run=_run, connect=None, tls_ca=None, tls_cert=None, tls_key=None)
+
+
+def _run(options: argparse.Namespace) -> int:
+    try:
+        from mcp.server import ServerRequestContext  # noqa: F401 - not in earlier versions
+    except ImportError:
+        raise TaskRpcError(_NEEDED) from None
+    token = remote.remote_of(options).token or os.environ.get("TASKRPC_TOKEN") or ""
+    if options.http:
+        _check_http(options.http, token)
+    if options.map:
+        from taskrpc.robot import read_map
+
+        read_map(options.map)
+    from taskrpc.program import run
+
+    return run(_serve(options, token))
+
+
+def _check_http(address: str, token: str) -> None:
+    """Raise UsageError for an address or a token with which the bridge may not serve HTTP."""
+    from taskrpc.spi import is_loopback, split_address
+
+    host, _ = split_address(address)
+    problem = ""
+    if not is_loopback(host):
+        problem = (
+            f"--http: expected an address of this machine such as 127.0.0.1:8765, got {address}"
+        )
+    elif not token:
+        make = 'python -c "import secrets; print(secrets.token_urlsafe(32))" > mcp.token'
+        problem = f"--http needs --token-file FILE or TASKRPC_TOKEN; make a file with: {make}"
+    if problem:
+        raise UsageError(f"taskrpc bridge mcp: error: {problem}")
+
+
+async def _serve(options: argparse.Namespace, token: str) -> int:
+    """Serve until the client has left or the process gets a signal."""
+    import asyncio
+
+    from taskrpc.bridges.mcp.server import AgentServer
+    from taskrpc.bridges.mcp.serving import HttpServer, serve_stdio
+    from taskrpc.node import Node
+    from taskrpc.program import stop_requested
+    from taskrpc.spi import split_address
+
+    async with stop_requested() as stopped, Node(_NAME, namespace="/") as node:
+        agent = AgentServer(node, map_file=options.map)
+        http: HttpServer | None = None
+        if options.http:
+            http = HttpServer(agent.server, *split_address(options.http), token)
+            serving = asyncio.create_task(http.serve())
+        else:
+            serving = asyncio.create_task(serve_stdio(agent.server))
+        where = "standard input and output" if http is None else http.url
+        print(f"taskrpc bridge ready: MCP at {where}", file=sys.stderr, flush=True)
+        print(_RIGHTS, file=sys.stderr, flush=True)
+        tune_for_long_run()
+        await asyncio.wait([stopped, serving], return_when=asyncio.FIRST_COMPLETED)
+        await agent.close()
+        if http is not None:
+            http.end()
+        elif stopped.done():
+            serving.cancel()
+        await asyncio.wait([serving])
+        if not stopped.done():
+            serving.result()  # raises the error with which it ended
+    return exit_after(stopped.result()) if stopped.done() and not stopped.cancelled() else Exit.DONE
+
+
+_RIGHTS = "The agent may call every service and action, and read every topic, as you may"
