@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from collections.abc import MutableMapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -48,9 +49,21 @@ def _run(options: argparse.Namespace) -> int:
         from taskrpc.robot import read_map
 
         read_map(options.map)
+    if sys.platform == "linux":
+        find_runtime_folder(os.environ, Path(f"/run/user/{os.getuid()}"))
     from taskrpc.program import run
 
     return run(_serve(options, token))
+
+
+def find_runtime_folder(environment: MutableMapping[str, str], usual: Path) -> None:
+    """Set XDG_RUNTIME_DIR to the usual folder if a client has left it out.
+
+    Clients start this command with few variables of their own environment. Without this one, the
+    bridge would look for the programs of the user in another folder, and find none.
+    """
+    if not environment.get("XDG_RUNTIME_DIR") and usual.is_dir():
+        environment["XDG_RUNTIME_DIR"] = str(usual)
 
 
 def _check_http(address: str, token: str) -> None:

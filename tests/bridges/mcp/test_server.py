@@ -1,0 +1,269 @@
+"""An agent with the official client, in memory: tools, errors, repeated calls, goals, resources."""
+
+import asyncio
+import json
+
+import pytest
+from mcp.shared.exceptions import MCPError
+
+import srvgen
+import taskrpc
+from tests.bridges.mcp.agents import connected, failed
+from tests.bridges.mcp.doors import Decision, Outcome, TableDoor
+
+ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
+TRIGGER = srvgen.load("std_srvs/srv/Trigger")
+STRING = srvgen.load("std_msgs/msg/String")
+FIBONACCI = srvgen.load("example_interfaces/action/Fibonacci")
+
+MODES = pytest.mark.parametrize("mode", ["auto", "legacy"])
+
+
+def add(request, response):
+    response.sum = request.a + request.b
+    return response
+
+
+# Services
+
+
+@MODES
+async def test_service_is_a_tool(mode):
+    async with connected(mode=mode) as (node, client):
+        node.create_service(ADD, "math/add", add, idempotent=True)
+        (tool,) = (await client.list_tools()).tools
+        assert (tool.name, tool.title) == ("math-add", "/math/add")
+        assert tool.input_schema["properties"]["a"]["maximum"] == 2**63 - 1
+        assert tool.annotations.idempotent_hint
+        assert not tool.annotations.read_only_hint
+        result = await client.call_tool("math-add", {"a": 2, "b": 3})
+        assert result.structured_content == {"sum": 5}
+        assert json.loads(result.content[0].text) == {"sum": 5}
+        assert not result.is_error
+
+
+async def test_service_that_has_another_definition_now_is_called_with_it():
+    async with connected() as (node, client):
+        first = node.create_service(ADD, "it", add)
+        assert (await client.call_tool("it", {"a": 1})).structured_content == {"sum": 1}
+        first.destroy()
+        await asyncio.sleep(1)
+        node.create_service(TRIGGER, "it", lambda _, response: response)
+        results = [await client.call_tool("it", {}) for _ in range(2)]
+        assert results[-1].structured_content == {"success": False, "message": ""}
+
+
+@pytest.mark.parametrize(
+    ("tool", "arguments", "error", "text"),
+    [
+        ("add", {"a": "2"}, "InvalidRequest", 'a: expected int64, got "2"'),
+        ("add", {"c": 2}, "InvalidRequest", "unknown field 'c'"),
+        ("ad", {}, "UnknownTool", "there is no tool 'ad'; did you mean add?"),
+        ("add", {"_request_id": "x"}, "InvalidRequest", "does not run a repeated request once"),
+        ("fails", {}, "HandlerFailed", "no battery"),
+    ],
+)
+async def test_failed_call_says_what_is_wrong(tool, arguments, error, text):
+    def fails(request, response):
+        raise taskrpc.HandlerError("FAILED_PRECONDITION", "no battery")
+
+    async with connected() as (node, client):
+        node.create_service(ADD, "add", add)
+        node.create_service(TRIGGER, "fails", fails)
+        found = failed(await client.call_tool(tool, arguments))
+        assert found["error"] == error
+        assert text in found["message"]
+
+
+async def test_dry_run_calls_nothing():
+    calls = []
+    async with connected() as (node, client):
+        node.create_service(ADD, "add", lambda request, response: calls.append(1) or response)
+        found = failed(await client.call_tool("add", {"a": 2, "_dry_run": True}))
+        assert (found["error"], found["request"]) == ("DryRun", {"a": 2, "b": 0})
+        assert calls == []
+
+
+@MODES
+async def test_repeated_call_of_an_exactly_once_service_runs_once(mode):
+    store, calls = taskrpc.MemoryCompletions(), []
+
+    def count(request, response):
+        calls.append(1)
+        response.success = True
+        response.message = str(len(calls))
+        return response
+
+    async with connected(mode=mode) as (node, client):
+        node.create_service(TRIGGER, "count", count, exactly_once=store)
+        arguments = {"_request_id": "monday-1"}
+        first = await client.call_tool("count", arguments)
+        again = await client.call_tool("count", arguments)
+        other = await client.call_tool("count", {})
+        assert first.structured_content == again.structured_content
+        assert [first.structured_content["message"], other.structured_content["message"]] == [
+            "1",
+            "2",
+        ]
+        (tool,) = (await client.list_tools()).tools
+        assert "_request_id" in tool.input_schema["properties"]
+
+
+async def test_cancelled_call_is_cancelled_at_the_server():
+    began, ended = asyncio.Event(), asyncio.Event()
+
+    async def slow(request, response):
+        began.set()
+        try:
+            await asyncio.sleep(1000)
+        finally:
+            ended.set()
+
+    async with connected(mode="legacy") as (node, client):
+        node.create_service(TRIGGER, "slow", slow)
+        call = asyncio.ensure_future(client.call_tool("slow", {}))
+        await began.wait()
+        call.cancel()
+        await asyncio.wait_for(ended.wait(), 10)
+
+
+# A policy
+
+
+async def test_agent_sees_and_calls_only_what_the_policy_permits():
+    door = TableDoor(add=Decision(Outcome.ALLOWED))
+    async with connected(door, "agents") as (node, client):
+        node.create_service(ADD, "add", add)
+        node.create_service(ADD, "secret", add)
+        assert [each.name for each in (await client.list_tools()).tools] == ["add"]
+        assert (await client.call_tool("add", {"a": 1})).structured_content == {"sum": 1}
+        assert failed(await client.call_tool("secret", {}))["error"] == "UnknownTool"
+        assert door.asked == [("agents", "call", "/add", ADD.Request(a=1))]
+
+
+async def test_refused_call_is_not_executed_and_names_the_rule():
+    calls = []
+    door = TableDoor(add=Decision(Outcome.REFUSED, 5, "a: expected 1 to 3, got 9"))
+    async with connected(door, "agents") as (node, client):
+        node.create_service(ADD, "add", lambda request, response: calls.append(1) or response)
+        found = failed(await client.call_tool("add", {"a": 9}))
+        assert (found["error"], found["executed"]) == ("Refused", "no")
+        assert found["message"] == "a: expected 1 to 3, got 9 (line 5 of the policy)"
+        assert calls == []
+
+
+# Actions
+
+
+async def fibonacci(goal):
+    sequence = [0, 1]
+    for _ in range(goal.request.order - 1):
+        await asyncio.sleep(1)
+        if goal.is_cancel_requested:
+            return goal.canceled(FIBONACCI.Result(sequence=sequence))
+        sequence.append(sequence[-1] + sequence[-2])
+        goal.publish_feedback(FIBONACCI.Feedback(sequence=sequence))
+    return FIBONACCI.Result(sequence=sequence)
+
+
+@MODES
+async def test_action_is_a_tool_with_progress(mode):
+    steps = []
+
+    async def progress(done, total, text):
+        steps.append((done, json.loads(text)["sequence"][-1]))
+
+    async with connected(mode=mode) as (node, client):
+        node.create_action_server(FIBONACCI, "fibonacci", fibonacci)
+        (tool,) = (await client.list_tools()).tools
+        assert (tool.name, tool.title) == ("fibonacci--goal", "/fibonacci")
+        arguments = {"order": 4}
+        result = await client.call_tool(tool.name, arguments, progress_callback=progress)
+        assert result.structured_content == {"sequence": [0, 1, 1, 2, 3]}
+        assert steps == [(1.0, 1), (2.0, 2), (3.0, 3)]
+
+
+async def test_cancelled_call_cancels_the_goal():
+    cancelled = asyncio.Event()
+
+    async def execute(goal):
+        goal.publish_feedback(FIBONACCI.Feedback(sequence=[0]))
+        await goal.wait_for_cancel()
+        cancelled.set()
+        return goal.canceled(FIBONACCI.Result(sequence=[0]))
+
+    began = asyncio.Event()
+
+    async def progress(done, total, text):
+        began.set()
+
+    async with connected(mode="legacy") as (node, client):
+        node.create_action_server(FIBONACCI, "fibonacci", execute)
+        goal = client.call_tool("fibonacci--goal", {"order": 9}, progress_callback=progress)
+        call = asyncio.ensure_future(goal)
+        await began.wait()
+        call.cancel()
+        await asyncio.wait_for(cancelled.wait(), 10)
+
+
+async def test_aborted_goal_is_an_error_with_its_result():
+    async def execute(goal):
+        return goal.abort(FIBONACCI.Result(sequence=[7]))
+
+    async with connected() as (node, client):
+        node.create_action_server(FIBONACCI, "fibonacci", execute)
+        found = failed(await client.call_tool("fibonacci--goal", {"order": 2}))
+        assert (found["error"], found["result"]) == ("GoalAborted", {"sequence": [7]})
+
+
+# Resources
+
+
+@MODES
+async def test_topic_is_a_resource(mode):
+    async with connected(mode=mode) as (node, client):
+        publisher = node.create_publisher(
+            STRING, "robot/state", taskrpc.QoS(1, durability="transient_local")
+        )
+        publisher.publish(STRING(data="ready"))
+        (resource,) = (await client.list_resources()).resources
+        assert str(resource.uri) == "taskrpc://topics/robot/state"
+        (contents,) = (await client.read_resource(str(resource.uri))).contents
+        assert json.loads(contents.text) == {"data": "ready"}
+
+
+@pytest.mark.parametrize(
+    ("uri", "text"),
+    [
+        ("taskrpc://topics/nothing", "ServiceUnavailable: no program publishes /nothing"),
+        ("taskrpc://topics/silent", "DeadlineExceeded: /silent: no message within 5 s"),
+        ("taskrpc://map", "there is no resource 'taskrpc://map'"),
+        ("file:///etc/passwd", "there is no resource 'file:///etc/passwd'"),
+    ],
+)
+async def test_resource_that_cannot_be_read_says_why(uri, text):
+    async with connected() as (node, client):
+        node.create_publisher(STRING, "silent")
+        with pytest.raises(MCPError) as refused:
+            await client.read_resource(uri)
+        assert text in str(refused.value)
+
+
+async def test_policy_decides_which_topics_are_read():
+    door = TableDoor(shown=Decision(Outcome.ALLOWED))
+    async with connected(door, "agents") as (node, client):
+        for name in ("shown", "secret"):
+            qos = taskrpc.QoS(1, durability="transient_local")
+            node.create_publisher(STRING, name, qos).publish(STRING(data=name))
+        assert [each.name for each in (await client.list_resources()).resources] == ["/shown"]
+        with pytest.raises(MCPError, match="no rule lets agents read /secret"):
+            await client.read_resource("taskrpc://topics/secret")
+
+
+async def test_map_is_a_resource(tmp_path):
+    file = tmp_path / "map.yaml"
+    file.write_text("size: [10, 8]\n")
+    async with connected(map_file=file) as (_, client):
+        (resource,) = (await client.list_resources()).resources
+        (contents,) = (await client.read_resource(str(resource.uri))).contents
+        assert contents.text == "size: [10, 8]\n"
