@@ -93,6 +93,7 @@ class ToolCalls:
     async def _service(self, target: Target, arguments: Arguments, request_id: str) -> Result:
         deadline = asyncio.get_running_loop().time() + TIMEOUT
         client = await self._clients.client(target.name, deadline)
+        self.tools.refuse_changed(target, client.srv_type)
         request = message_of(client.srv_type.Request, arguments.fields)
         if not self._permissions.check("call", target.name, request) or arguments.is_dry_run:
             return dry_run(target.name, request)
@@ -121,6 +122,7 @@ class ToolCalls:
 
     async def _goal(self, target: Target, arguments: Arguments, progress: Progress) -> Result:
         cls = action_class(target.type_name)
+        self.tools.refuse_changed(target, cls)
         goal = message_of(cls.Goal, arguments.fields)
         if arguments.request_id:
             raise FieldError(REQUEST_ID, f"the action {target.name} has none; leave this out")

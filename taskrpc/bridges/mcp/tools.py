@@ -24,6 +24,7 @@ from taskrpc.bridges.mcp.tool_names import action_tool_name, tool_name
 from taskrpc.bridges.rosbridge.graph import Graph, graph_of
 from taskrpc.bridges.rosbridge.services import ServiceClients
 from taskrpc.bridges.rosbridge.types import action_class
+from taskrpc.errors import TypeMismatch
 from taskrpc.node import Node
 
 log = logging.getLogger("taskrpc.mcp")
@@ -94,6 +95,8 @@ class Tools:
         self._permissions = permissions
         self._targets: dict[str, Target] = {}
         """The targets that were seen last, by the name of their tool."""
+        self._listed: dict[str, object] = {}
+        """The service or action class of each listed tool: agents know only its schema."""
 
     async def all(self) -> list[Tool]:
         """Return the tools, sorted by name; a server that cannot be asked has none.
@@ -101,6 +104,7 @@ class Tools:
         Raises DeadlineExceeded if the programs of the network cannot be listed.
         """
         targets = await self._look()
+        self._listed.clear()
         turn = asyncio.Semaphore(_ASKED_AT_ONCE)
         found = await asyncio.gather(*(self._described(each, turn) for each in targets))
         return [tool for tool in found if tool is not None]
@@ -115,6 +119,15 @@ class Tools:
             problem = f"there is no tool {name[:100]!r}"
             raise UnknownTool(f"{problem}; {hint}" if hint else problem)
         return target
+
+    def refuse_changed(self, target: Target, cls: object) -> None:
+        """Refuse a call of a tool whose definition has changed since the tools were listed.
+
+        Otherwise the call would run, and the client would take its response for an invalid one.
+        Raises TypeMismatch.
+        """
+        if self._listed.get(target.tool, cls) is not cls:
+            raise TypeMismatch(f"the definition of {target.name} has changed")
 
     async def _look(self) -> list[Target]:
         graph = await graph_of(self._node)
@@ -141,6 +154,7 @@ class Tools:
         client = await self._clients.client(target.name, deadline)
         await client.channel.connect(deadline)
         cls, mode = client.srv_type, client.channel.mode
+        self._listed[target.tool] = cls
         texts = Definitions(cls._TYPE, cls._DEFINITION)
         request, response = texts.sections
         is_read_only = target.type_name in _READ_ONLY
@@ -158,6 +172,7 @@ class Tools:
 
     async def _action(self, target: Target) -> Tool:
         cls = action_class(target.type_name)
+        self._listed[target.tool] = cls
         texts = Definitions(cls._TYPE, cls._DEFINITION)
         goal, result, _ = texts.sections
         does = (

@@ -42,15 +42,19 @@ async def test_service_is_a_tool(mode):
         assert not result.is_error
 
 
-async def test_service_that_has_another_definition_now_is_called_with_it():
+async def test_service_that_has_another_definition_now_is_called_after_the_tools_are_listed_again():
+    calls = []
     async with connected() as (node, client):
         first = node.create_service(ADD, "it", add)
         assert (await client.call_tool("it", {"a": 1})).structured_content == {"sum": 1}
         first.destroy()
         await asyncio.sleep(1)
-        node.create_service(TRIGGER, "it", lambda _, response: response)
-        results = [await client.call_tool("it", {}) for _ in range(2)]
-        assert results[-1].structured_content == {"success": False, "message": ""}
+        node.create_service(TRIGGER, "it", lambda _, response: calls.append(1) or response)
+        found = failed(await client.call_tool("it", {}))
+        assert (found["error"], found["executed"], calls) == ("TypeMismatch", "no", [])
+        await client.list_tools()
+        result = await client.call_tool("it", {})
+        assert result.structured_content == {"success": False, "message": ""}
 
 
 @pytest.mark.parametrize(
