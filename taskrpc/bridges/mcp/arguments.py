@@ -105,7 +105,12 @@ def _require(fits: bool, path: str, expected: str, value: object) -> None:
 
 
 def _wrong(path: str, expected: str, value: object) -> FieldError:
-    shown = json.dumps(value, default=str)
-    if len(shown) > _LONGEST_SHOWN:
-        shown = f"{shown[:_LONGEST_SHOWN]}…"
-    return FieldError(path, f"expected {expected}, got {shown}")
+    return FieldError(path, f"expected {expected}, got {_shown(value)}")
+
+
+def _shown(value: object) -> str:
+    try:
+        text = json.dumps(value)
+    except ValueError:  # Python refuses to print a very long integer
+        return "a far larger number"
+    return text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}…"

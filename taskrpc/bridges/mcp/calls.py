@@ -22,7 +22,7 @@ from taskrpc.bridges.rosbridge.actions import ActionClients
 from taskrpc.bridges.rosbridge.services import ServiceClients
 from taskrpc.bridges.rosbridge.types import action_class
 from taskrpc.client import Client
-from taskrpc.errors import ServerBusy, TaskRpcError, TypeMismatch
+from taskrpc.errors import GoalFailed, ServerBusy, TaskRpcError, TypeMismatch
 from taskrpc.node import Node
 
 log = logging.getLogger("taskrpc.mcp")
@@ -139,13 +139,15 @@ class ToolCalls:
             raise
 
     async def _follow(self, action: str, cls: Any, goal: Any, progress: Progress) -> Result:
-        """Send a goal, and follow it to its end."""
+        """Send a goal, and follow it to its end; no goal continues that the agent cannot see."""
         async with self._actions.using(action, cls) as client:
             handle = await client.send_goal(goal)
             try:
                 await _report(handle, progress)
                 return response(await handle.result())
-            except asyncio.CancelledError:
+            except GoalFailed:
+                raise
+            except BaseException:  # the call was cancelled, or its progress cannot be sent
                 await _cancel(action, handle)
                 raise
 

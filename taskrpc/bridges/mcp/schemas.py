@@ -32,6 +32,8 @@ Schema: TypeAlias = dict[str, object]
 
 _LONGEST_TEXT = 1_000
 """Most characters of a description that are passed on: definitions come from other programs."""
+_HEADINGS = ("request", "response", "goal", "result", "feedback")
+"""Comments that say nothing: the section is a request anyway."""
 _MOST_CONSTANTS = 40
 """Most constants in the description of a field."""
 _BITS = {"int8": 8, "int16": 16, "int32": 32, "int64": 64}
@@ -100,13 +102,14 @@ def output_schema(cls: type[Msg], definition: MessageDef, texts: Definitions) ->
 
 
 def description(definition: MessageDef) -> str:
-    """Return the comment at the start of a section, "" if there is none."""
-    return plain_text(" ".join(definition.comment))
+    """Return the comment at the start of a section, "" if there is none or only its heading."""
+    text = plain_text(" ".join(definition.comment))
+    return "" if text.lower() in _HEADINGS else text
 
 
 def plain_text(text: str) -> str:
     """Return a text of another program on one line, without control characters, not too long."""
-    text = "".join(each if each.isprintable() else " " for each in text).strip()
+    text = " ".join("".join(each if each.isprintable() else " " for each in text).split())
     return text if len(text) <= _LONGEST_TEXT else f"{text[:_LONGEST_TEXT]}…"
 
 

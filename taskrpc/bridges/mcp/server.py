@@ -58,6 +58,8 @@ class AgentServer:
             title="taskrpc",
             instructions=_INSTRUCTIONS,
             lifespan=_session,
+            # No schema wants an argument in a header. Otherwise each call would list all tools.
+            get_tool_input_schema=lambda _: None,
             on_list_tools=self._list_tools,
             on_call_tool=self._call_tool,
             on_list_resources=self._list_resources,

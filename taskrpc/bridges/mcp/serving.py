@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, cast
 import uvicorn
 from mcp.server import Server
 from mcp.server.stdio import stdio_server
+from mcp.server.transport_security import TransportSecuritySettings
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from taskrpc.spi import join_address, listening_socket
@@ -70,7 +71,10 @@ class HttpServer:
         address = join_address(*self._socket.getsockname()[:2])
         self.url = f"http://{address}{PATH}"
         """The URL for clients."""
-        app = server.streamable_http_app(streamable_http_path=PATH, host=host)
+        port = self._socket.getsockname()[1]
+        hosts = [address, *(join_address(each, port) for each in ("127.0.0.1", "localhost", "::1"))]
+        security = TransportSecuritySettings(allowed_hosts=hosts)  # and no pages of browsers
+        app = server.streamable_http_app(streamable_http_path=PATH, transport_security=security)
         config = uvicorn.Config(
             _TokenCheck(app, token),
             log_config=None,
@@ -102,7 +106,7 @@ class _TokenCheck:
 
     def __init__(self, app: ASGIApp, token: str) -> None:
         self._app = app
-        self._expected = f"Bearer {token}".encode()
+        self._token = token.encode()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] != "http" or self._is_valid(scope):
@@ -119,4 +123,7 @@ class _TokenCheck:
 
     def _is_valid(self, scope: Scope) -> bool:
         given = [value for name, value in scope["headers"] if name == b"authorization"]
-        return len(given) == 1 and hmac.compare_digest(given[0], self._expected)
+        if len(given) != 1:
+            return False
+        scheme, _, token = given[0].partition(b" ")
+        return scheme.lower() == b"bearer" and hmac.compare_digest(token.strip(), self._token)

@@ -128,6 +128,12 @@ def test_long_value_is_shown_in_part():
     assert len(str(refused.value)) < 200
 
 
+@pytest.mark.parametrize("field", ["text", "i32"])
+def test_integer_too_long_to_print_is_refused(field):
+    with pytest.raises(FieldError, match="a far larger number"):
+        message_of(ALL.Request, {field: 10**5000})
+
+
 def test_arguments_of_the_tool_are_taken_out():
     found = split({"a": 1, REQUEST_ID: "monday-1", DRY_RUN: True})
     assert (found.fields, found.request_id, found.is_dry_run) == ({"a": 1}, "monday-1", True)

@@ -11,7 +11,13 @@ from jsonschema import Draft202012Validator
 import srvgen
 from taskrpc.bridges.mcp.arguments import DRY_RUN, REQUEST_ID
 from taskrpc.bridges.mcp.results import json_of
-from taskrpc.bridges.mcp.schemas import Definitions, input_schema, output_schema, plain_text
+from taskrpc.bridges.mcp.schemas import (
+    Definitions,
+    description,
+    input_schema,
+    output_schema,
+    plain_text,
+)
 
 DEFINITION = """\
 # Moves the arm.
@@ -93,9 +99,15 @@ def test_nested_messages_are_described_once():
 
 
 def test_schema_carries_the_comment_and_refuses_other_fields():
-    assert INPUT["description"] == "Moves the arm.   Slowly."
+    assert INPUT["description"] == "Moves the arm. Slowly."
     assert INPUT["additionalProperties"] is False
     assert "required" not in INPUT
+
+
+def test_comment_that_is_only_a_heading_is_left_out():
+    cls = srvgen.load("my_robot_interfaces/srv/RobotTask")
+    texts = Definitions(cls._TYPE, cls._DEFINITION)
+    assert [description(each) for each in texts.sections] == ["", ""]
 
 
 def test_response_has_all_fields_and_null_for_nan():

@@ -114,7 +114,7 @@ async def _serve(options: argparse.Namespace, token: str) -> int:
         await asyncio.wait([serving])
         if not stopped.done():
             serving.result()  # raises the error with which it ended
-    return exit_after(stopped.result()) if stopped.done() and not stopped.cancelled() else Exit.DONE
+    return exit_after(stopped.result()) if stopped.done() else Exit.DONE
 
 
 _RIGHTS = "The agent may call every service and action, and read every topic, as you may"
