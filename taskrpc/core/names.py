@@ -26,6 +26,20 @@ _CHARACTER_PROBLEMS = {
     "~": "topic name must not have tilde '~' unless it is the first character",
 }
 
+_OF_EVERY_NODE = frozenset(
+    (
+        "describe_parameters",
+        "get_logger_levels",
+        "get_parameter_types",
+        "get_parameters",
+        "get_type_description",
+        "list_parameters",
+        "set_logger_levels",
+        "set_parameters",
+        "set_parameters_atomically",
+    )
+)
+
 
 def check_node_name(name: str) -> str:
     """Return a node's name, or raise `InvalidName` with the offending character."""
@@ -117,6 +131,14 @@ def is_hidden(name: str) -> bool:
 def is_hidden_node(name: str) -> bool:
     """Return whether lists of nodes omit a node: only its own name decides, not its namespace."""
     return name.rpartition("/")[2].startswith("_")
+
+
+def is_of_every_node(service: str) -> bool:
+    """Return whether every node of ROS has a service of this last name.
+
+    With some of these services a caller can change any node.
+    """
+    return service.rpartition("/")[2] in _OF_EVERY_NODE
 
 
 def fully_qualified(namespace: str, node: str) -> str:

@@ -6,18 +6,7 @@ import re
 from collections.abc import Iterable
 from fnmatch import fnmatchcase
 
-_OF_EVERY_NODE = (
-    "describe_parameters",
-    "get_logger_levels",
-    "get_parameter_types",
-    "get_parameters",
-    "get_type_description",
-    "list_parameters",
-    "set_logger_levels",
-    "set_parameters",
-    "set_parameters_atomically",
-)
-"""The services that every node of ROS has; with them a caller can change any node."""
+from taskrpc.spi import names
 
 _PATTERN = re.compile(r"/?(?:[A-Za-z0-9_*?]+/)*[A-Za-z0-9_*?]+")
 
@@ -50,11 +39,10 @@ class Allowed:
 
 
 def _allows(pattern: str, name: str) -> bool:
-    end = _last_part(name)
     return (
-        "/_" not in name
+        not names.is_hidden(name)
         and fnmatchcase(name, pattern)
-        and (end not in _OF_EVERY_NODE or end == _last_part(pattern))
+        and (not names.is_of_every_node(name) or _last_part(name) == _last_part(pattern))
     )
 
 

@@ -13,15 +13,6 @@ from taskrpc.core.transport.discovery.registry import Registry
 from taskrpc.core.transport.settings import domain_id, environment_peers
 
 _SHOWN = 5  # most services that a suggestion names
-_OF_EVERY_NODE = {
-    "describe_parameters",
-    "get_parameter_types",
-    "get_parameters",
-    "get_type_description",
-    "list_parameters",
-    "set_parameters",
-    "set_parameters_atomically",
-}
 
 
 def others(entries: Iterable[RegistryEntry]) -> list[RegistryEntry]:
@@ -80,8 +71,8 @@ def like(service: str, entries: Iterable[RegistryEntry], *, searches_domains: bo
     if searches_domains and (domain := _domain_of(service)) is not None:
         return f"it is offered in domain {domain}; set ROS_DOMAIN_ID={domain}"
     plain = [name for name in known if not names.is_hidden(name)]
-    # Every node of a ROS program has these seven services besides its own.
-    shown = [name for name in plain if name.rpartition("/")[2] not in _OF_EVERY_NODE] or plain
+    # Every node of a ROS program has some services besides its own.
+    shown = [name for name in plain if not names.is_of_every_node(name)] or plain
     if not shown:
         return ""
     more = ", …" if len(shown) > _SHOWN else ""
