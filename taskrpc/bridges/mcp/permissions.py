@@ -10,6 +10,7 @@ from enum import Enum
 from typing import Literal, Protocol, TypeAlias
 
 from taskrpc.errors import TaskRpcError
+from taskrpc.spi import names
 
 Verb: TypeAlias = Literal["call", "read"]
 """`call` a service or an action, `read` a topic."""
@@ -71,8 +72,14 @@ class Permissions:
         self.name = name
 
     def shows(self, verb: Verb, target: str) -> bool:
-        """Return whether the agent sees a service, an action or a topic."""
-        return self._door is None or self._door.permits(self.name, verb, target)
+        """Return whether the agent sees a service, an action or a topic.
+
+        Without a policy, it does not see the services that every node of ROS has: there are nine of
+        them for each node, and a model gets lost in long lists.
+        """
+        if self._door is None:
+            return not names.is_of_every_node(target)
+        return self._door.permits(self.name, verb, target)
 
     def check(self, verb: Verb, target: str, message: object = None) -> bool:
         """Return whether to carry out a request; False means to say only what it would do.

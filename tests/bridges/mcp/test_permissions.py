@@ -12,6 +12,12 @@ def test_without_a_policy_everything_is_shown_and_allowed():
     assert permissions.check("read", "/anything")
 
 
+def test_services_that_every_node_has_are_shown_only_by_a_policy():
+    door = TableDoor(arm__get_parameters=Decision(Outcome.ALLOWED))
+    assert not Permissions().shows("call", "/arm/get_parameters")
+    assert Permissions(door).shows("call", "/arm/get_parameters")
+
+
 def test_policy_decides_with_the_name_and_the_message():
     door = TableDoor(arm=Decision(Outcome.ALLOWED))
     permissions = Permissions(door, "agents")
