@@ -8,6 +8,11 @@ from __future__ import annotations
 
 import hashlib
 
+from srvgen import DefinitionError
+from srvgen.definitions.names import split_type_name
+from taskrpc.errors import InvalidName
+from taskrpc.spi import names
+
 LONGEST = 48
 """Characters of a name. Some models allow 64, and clients put the name of the server in front."""
 _DIGEST = 14
@@ -30,6 +35,19 @@ def action_tool_name(action: str) -> str:
     `action` is an absolute name.
     """
     return _shortened(f"{_joined(action)}{_ACTION}")
+
+
+def is_valid(name: str, type_name: str) -> bool:
+    """Return whether a name and a type follow the rules of ROS.
+
+    A program of another machine may send any text, also one that is meant for the agent.
+    """
+    try:
+        names.check_absolute(name)
+        split_type_name(type_name)
+    except (InvalidName, DefinitionError):
+        return False
+    return True
 
 
 def _joined(name: str) -> str:

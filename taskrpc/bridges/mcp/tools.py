@@ -20,7 +20,7 @@ from taskrpc.bridges.mcp.schemas import (
     input_schema,
     output_schema,
 )
-from taskrpc.bridges.mcp.tool_names import action_tool_name, tool_name
+from taskrpc.bridges.mcp.tool_names import action_tool_name, is_valid, tool_name
 from taskrpc.bridges.rosbridge.graph import Graph, graph_of
 from taskrpc.bridges.rosbridge.services import ServiceClients
 from taskrpc.bridges.rosbridge.types import action_class
@@ -190,14 +190,15 @@ class Tools:
 
 
 def targets_of(graph: Graph) -> list[Target]:
-    """Return the visible services and actions of the network."""
+    """Return the visible services and actions of the network, without those of invalid names."""
     services = [Target("service", *each) for each in graph.service_types.items()]
     actions = {
         each.name.removesuffix(_SEND_GOAL): each.type_name.removesuffix(_SEND_GOAL_TYPE)
         for each in graph.services
         if each.name.endswith(_SEND_GOAL)
     }
-    return services + [Target("action", *each) for each in sorted(actions.items())]
+    found = services + [Target("action", *each) for each in sorted(actions.items())]
+    return [each for each in found if is_valid(each.name, each.type_name)]
 
 
 def _described(section: MessageDef, does: str) -> str:

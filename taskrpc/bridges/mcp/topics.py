@@ -9,6 +9,7 @@ import msgspec
 
 from taskrpc.bridges.mcp.permissions import Permissions
 from taskrpc.bridges.mcp.results import json_of
+from taskrpc.bridges.mcp.tool_names import is_valid
 from taskrpc.bridges.rosbridge.graph import graph_of
 from taskrpc.bridges.rosbridge.types import message_class
 from taskrpc.errors import DeadlineExceeded, ServiceUnavailable
@@ -45,7 +46,7 @@ class Topics:
         return [
             TopicResource(f"{PREFIX}{topic}", topic, type_name)
             for topic, type_name in topics.items()
-            if self._permissions.shows("read", topic)
+            if is_valid(topic, type_name) and self._permissions.shows("read", topic)
         ]
 
     async def read(self, uri: str) -> str:
