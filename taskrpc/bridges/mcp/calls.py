@@ -153,17 +153,22 @@ class ToolCalls:
 
 
 async def _report(handle: GoalHandle[Any, Any], progress: Progress) -> None:
-    """Report the feedback of a goal until it ends."""
-    count = 0
+    """Report the feedback of a goal until it ends.
+
+    If the feedback has a field `progress` from 0 to 1, it is the progress, and feedback without
+    any is left out: MCP allows only numbers that grow. Otherwise the messages are counted.
+    """
+    count, last = 0, -1.0
     async for feedback in handle.feedback:
         count += 1
         value = json_of(feedback)
         text = msgspec.json.encode(value).decode()
         done = value.get("progress")
-        if isinstance(done, float) and 0.0 <= done <= 1.0:
-            await progress(done, 1.0, text)
-        else:
+        if not isinstance(done, float) or not 0.0 <= done <= 1.0:
             await progress(float(count), None, text)
+        elif done > last:
+            last = done
+            await progress(done, 1.0, text)
 
 
 async def _cancel(action: str, handle: GoalHandle[Any, Any]) -> None:

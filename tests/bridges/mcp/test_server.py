@@ -187,6 +187,25 @@ async def test_action_is_a_tool_with_progress(mode):
         assert steps == [(1.0, 1), (2.0, 2), (3.0, 3)]
 
 
+async def test_progress_that_does_not_grow_is_left_out():
+    execute_task = srvgen.load("my_robot_interfaces/action/ExecuteTask")
+    steps = []
+
+    async def execute(goal):
+        for done in (0.0, 0.0, 0.5, 0.25, 1.0):
+            goal.publish_feedback(execute_task.Feedback(progress=done))
+            await asyncio.sleep(1)
+        return execute_task.Result(success=True)
+
+    async def progress(done, total, text):
+        steps.append((done, total))
+
+    async with connected() as (node, client):
+        node.create_action_server(execute_task, "execute", execute)
+        await client.call_tool("execute--goal", {}, progress_callback=progress)
+        assert steps == [(0.0, 1.0), (0.5, 1.0), (1.0, 1.0)]
+
+
 async def test_cancelled_call_cancels_the_goal():
     cancelled = asyncio.Event()
 
