@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import hmac
-import sys
 import threading
 from collections.abc import AsyncIterator, Iterator
 from typing import TYPE_CHECKING, cast
@@ -51,16 +50,16 @@ class _Lines:
             yield line
 
     def _read(self) -> None:
-        line = b""
-        with contextlib.suppress(
-            RuntimeError, OSError, ValueError
-        ):  # the loop or the file is closed
-            while True:
-                line = sys.stdin.buffer.readline()
-                text = line.decode(errors="replace")
-                self._loop.call_soon_threadsafe(self._queue.put_nowait, text)
-                if not line:
-                    return
+        # A file of its own: `sys.stdin` is closed at the end of the program, which would abort
+        # because this thread still reads from it.
+        with contextlib.suppress(OSError), open(0, "rb", closefd=False) as file:
+            for line in file:
+                self._pass_on(line.decode(errors="replace"))
+        self._pass_on("")
+
+    def _pass_on(self, line: str) -> None:
+        with contextlib.suppress(RuntimeError):  # the program ends
+            self._loop.call_soon_threadsafe(self._queue.put_nowait, line)
 
 
 class HttpServer:
