@@ -25,6 +25,7 @@ LEVELS = range(-PRIORITY_MAX, -PRIORITY_MIN + 1)
 """The first component of the queued tasks' keys, in the order of execution."""
 RUNNING_KEY: OrderKey = (LEVELS[0] - 1, 0)
 """The key of the running task: before every queued task."""
+_LAST_ARRIVAL = 2**62  # behind all tasks of a priority
 BEFORE_RUNNING_KEY: OrderKey = (LEVELS[0] - 2, 0)
 """A key before the running task."""
 
@@ -128,6 +129,18 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """Why it did not end at its accepted estimate; filled in when it ends."""
     robot: str = ""
     """The robot of a fleet that executes or executed it; empty before, and without a fleet."""
+
+    @classmethod
+    def possible(cls, task_type: str, target: str, priority: int, now: float) -> Task:
+        """Return a task that is not queued, as if it were submitted now; it has no id."""
+        return cls(
+            task_id=0,
+            task_type=task_type,
+            target=target,
+            priority=priority,
+            arrival=_LAST_ARRIVAL,
+            submitted_at=now,
+        )
 
     @property
     def order_key(self) -> OrderKey:
