@@ -17,7 +17,7 @@ from taskrpc import GoalHandle
 from taskrpc.bridges.mcp.arguments import REQUEST_ID, Arguments, message_of, split
 from taskrpc.bridges.mcp.permissions import Permissions
 from taskrpc.bridges.mcp.results import EXPLAINED, Result, dry_run, failure, json_of, response
-from taskrpc.bridges.mcp.tools import Target, Tools
+from taskrpc.bridges.mcp.tools import Target, Tools, estimator_of
 from taskrpc.bridges.rosbridge.actions import ActionClients
 from taskrpc.bridges.rosbridge.services import ServiceClients
 from taskrpc.bridges.rosbridge.types import action_class
@@ -96,7 +96,7 @@ class ToolCalls:
         self.tools.refuse_changed(target, client.srv_type)
         request = message_of(client.srv_type.Request, arguments.fields)
         if not self._permissions.check("call", target.name, request) or arguments.is_dry_run:
-            return dry_run(target.name, request)
+            return await self._dry_run(target, request)
         await client.channel.connect(deadline)
         name = arguments.request_id or request_id if client.channel.store_id else ""
         if arguments.request_id and not name:
@@ -118,6 +118,19 @@ class ToolCalls:
         own = f"mcp {self._permissions.name} {name}" if name else ""
         return await client.call(request, timeout=left, request_id=own)
 
+    # Dry runs
+
+    async def _dry_run(self, target: Target, message: Any) -> Result:
+        """Say what a call would do; for a task of a task server, also when the task would end."""
+        estimator = estimator_of(target)
+        if estimator is None:
+            return dry_run(target.name, message)
+        deadline = asyncio.get_running_loop().time() + TIMEOUT
+        client = await self._clients.client(estimator, deadline)
+        given = {name: getattr(message, name) for name, _ in message._FIELDS}
+        estimate = await client.call(message_of(client.srv_type.Request, given), timeout=TIMEOUT)
+        return dry_run(target.name, message, estimate)
+
     # Actions
 
     async def _goal(self, target: Target, arguments: Arguments, progress: Progress) -> Result:
@@ -127,7 +140,7 @@ class ToolCalls:
         if arguments.request_id:
             raise FieldError(REQUEST_ID, f"the action {target.name} has none; leave this out")
         if not self._permissions.check("call", target.name, goal) or arguments.is_dry_run:
-            return dry_run(target.name, goal)
+            return await self._dry_run(target, goal)
         # A task of its own: a cancelled call must still be able to cancel its goal.
         task = asyncio.create_task(self._follow(target.name, cls, goal, progress))
         self._running.add(task)

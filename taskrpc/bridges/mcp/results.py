@@ -53,21 +53,21 @@ def response(message: Msg) -> Result:
     return _result(json_of(message))
 
 
-def dry_run(target: str, message: Msg) -> Result:
-    """Return the result of a call that was only checked.
+def dry_run(target: str, message: Msg, estimate: Msg | None = None) -> Result:
+    """Return the result of a call that was only checked; `estimate` is that of a task server.
 
     It is an error for the client, because it does not have the fields of a response.
     """
-    text = f"nothing was sent to {target}; the arguments are valid, and the call is permitted"
-    return _failed(
-        {
-            "error": "DryRun",
-            "message": text,
-            "executed": "no",
-            "advice": f"Leave out {DRY_RUN} to carry out the call.",
-            "request": json_of(message),
-        }
-    )
+    described: dict[str, object] = {
+        "error": "DryRun",
+        "message": f"nothing was sent to {target}; the arguments are valid and permitted",
+        "executed": "no",
+        "advice": f"Leave out {DRY_RUN} to carry out the call.",
+        "request": json_of(message),
+    }
+    if estimate is not None:
+        described["estimate"] = json_of(estimate)
+    return _failed(described)
 
 
 def failure(error: Exception, request_id: str = "") -> Result:

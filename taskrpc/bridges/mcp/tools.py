@@ -41,6 +41,7 @@ _SEND_GOAL = "/_action/send_goal"
 _SEND_GOAL_TYPE = "_SendGoal"
 _READ_ONLY = frozenset(
     (
+        "taskrpc_interfaces/srv/EstimateTask",
         "taskrpc_interfaces/srv/ListTasks",
         "taskrpc_interfaces/srv/ShowTask",
         "taskrpc_interfaces/srv/WatchTasks",
@@ -199,6 +200,15 @@ def targets_of(graph: Graph) -> list[Target]:
     }
     found = services + [Target("action", *each) for each in sorted(actions.items())]
     return [each for each in found if is_valid(each.name, each.type_name)]
+
+
+def estimator_of(target: Target) -> str | None:
+    """Return the service of a task server that estimates the tasks which a target queues."""
+    if target.type_name == "my_robot_interfaces/srv/RobotTask":
+        return f"{target.name}/estimate"
+    if target.type_name == "my_robot_interfaces/action/ExecuteTask":
+        return f"{target.name.rpartition('/')[0]}/estimate"
+    return None
 
 
 def _described(section: MessageDef, does: str) -> str:

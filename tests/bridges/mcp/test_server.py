@@ -88,6 +88,24 @@ async def test_dry_run_calls_nothing():
         assert calls == []
 
 
+async def test_dry_run_of_a_task_has_the_estimate_of_the_task_server():
+    robot_task = srvgen.load("my_robot_interfaces/srv/RobotTask")
+    estimate_task = srvgen.load("taskrpc_interfaces/srv/EstimateTask")
+
+    def estimate(request, response):
+        response.success = True
+        response.estimated_time = request.priority + 0.5
+        return response
+
+    async with connected() as (node, client):
+        node.create_service(robot_task, "robot_task", lambda request, response: 1 / 0)
+        node.create_service(estimate_task, "robot_task/estimate", estimate)
+        arguments = {"task_type": "move", "target": "dock", "priority": 3, "_dry_run": True}
+        found = failed(await client.call_tool("robot_task", arguments))
+        assert found["error"] == "DryRun"
+        assert found["estimate"] == {"success": True, "message": "", "estimated_time": 3.5}
+
+
 @MODES
 async def test_repeated_call_of_an_exactly_once_service_runs_once(mode):
     store, calls = taskrpc.MemoryCompletions(), []
