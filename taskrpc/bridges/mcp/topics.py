@@ -62,12 +62,13 @@ class Topics:
             if not publishers:
                 raise ServiceUnavailable(f"no program publishes {topic}")
             arrived: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
-            subscription = self._node.create_subscription(
-                message_class(publishers[0].type_name),
-                topic,
-                lambda message: arrived.done() or arrived.set_result(message),
-                qos_for_all(publishers, 1),
-            )
+
+            def receive(message: Any) -> None:
+                if not arrived.done():
+                    arrived.set_result(message)
+
+            cls, qos = message_class(publishers[0].type_name), qos_for_all(publishers, 1)
+            subscription = self._node.create_subscription(cls, topic, receive, qos)
             try:
                 async with asyncio.timeout(TIMEOUT):
                     message = await arrived

@@ -3,11 +3,15 @@
 import contextlib
 import json
 
+import pytest
 from mcp import Client
 
 import taskrpc
 from taskrpc.bridges.mcp.permissions import Permissions
 from taskrpc.bridges.mcp.server import AgentServer
+
+MODES = pytest.mark.parametrize("mode", ["auto", "legacy"])
+"""The protocol since 2026-07-28, and the one before it."""
 
 
 @contextlib.asynccontextmanager

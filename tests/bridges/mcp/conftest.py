@@ -10,4 +10,5 @@ def _major() -> int:
         return 0
 
 
-collect_ignore = [] if _major() >= 2 else ["test_server.py", "test_serving.py"]
+NEEDS_MCP = ["test_calls.py", "test_server.py", "test_serving.py", "test_topics.py"]
+collect_ignore = [] if _major() >= 2 else NEEDS_MCP

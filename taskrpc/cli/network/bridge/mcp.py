@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import MutableMapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from taskrpc.cli.shared import remote
 from taskrpc.cli.shared.command import Exit, UsageError, exit_after, tune_for_long_run
@@ -105,7 +105,8 @@ async def _serve(options: argparse.Namespace, token: str) -> int:
         print(f"taskrpc bridge ready: MCP at {where}", file=sys.stderr, flush=True)
         print(_RIGHTS, file=sys.stderr, flush=True)
         tune_for_long_run()
-        await asyncio.wait([stopped, serving], return_when=asyncio.FIRST_COMPLETED)
+        ends: list[asyncio.Future[Any]] = [stopped, serving]
+        await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)
         await agent.close()
         if http is not None:
             http.end()
