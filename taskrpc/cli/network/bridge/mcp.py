@@ -77,8 +77,8 @@ def _check_http(address: str, token: str) -> None:
             f"--http: expected an address of this machine such as 127.0.0.1:8765, got {address}"
         )
     elif not token:
-        make = 'python -c "import secrets; print(secrets.token_urlsafe(32))" > mcp.token'
-        problem = f"--http needs --token-file FILE or TASKRPC_TOKEN; make a file with: {make}"
+        make = "a file with a random text that only you can read"
+        problem = f"--http needs --token-file FILE or TASKRPC_TOKEN: {make}"
     if problem:
         raise UsageError(f"taskrpc bridge mcp: error: {problem}")
 
