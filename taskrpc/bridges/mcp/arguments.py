@@ -24,7 +24,6 @@ LONGEST_REQUEST_ID = 200
 
 _LONGEST_SHOWN = 60
 _BYTES = ("uint8[", "char[", "byte[")
-_INTEGERS = ("int", "uint", "char", "byte")
 
 
 class Arguments(msgspec.Struct, frozen=True):
@@ -94,9 +93,7 @@ def _check_one(type_: str, nested: Any, value: object, path: str) -> None:
         _require(isinstance(value, str), path, "string", value)
     else:
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        is_whole = not isinstance(value, float) or value.is_integer()
-        fits = is_number and (is_whole or not type_.startswith(_INTEGERS))
-        _require(fits, path, type_, value)
+        _require(is_number, path, type_, value)
 
 
 def _require(fits: bool, path: str, expected: str, value: object) -> None:

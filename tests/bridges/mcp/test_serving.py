@@ -83,30 +83,30 @@ async def test_client_with_the_token_calls_a_service_over_http(token_file):
         with bridge(*options) as (process, ready):
             url = ready.split()[-1]
             headers = {"Authorization": f"Bearer {TOKEN}"}
-            http = httpx2.AsyncClient(headers=headers)
-            async with http, Client(streamable_http_client(url, http_client=http)) as client:
-                result = await client.call_tool("add", {"a": 2, "b": 3})
-            assert result.structured_content == {"sum": 5}
+            async with httpx2.AsyncClient(headers=headers) as http:
+                for mode in ("auto", "legacy"):
+                    transport = streamable_http_client(url, http_client=http)
+                    async with Client(transport, mode=mode) as client:
+                        result = await client.call_tool("add", {"a": 2, "b": 3})
+                    assert result.structured_content == {"sum": 5}
             process.terminate()
             assert await asyncio.to_thread(process.wait, 60) == 0 or sys.platform == "win32"
 
 
-@pytest.mark.parametrize(
-    ("headers", "status"),
-    [
+def test_http_request_without_the_token_or_from_another_site_is_refused(token_file):
+    known = {"Authorization": f"Bearer {TOKEN}"}
+    cases = [
         ({}, 401),
         ({"Authorization": "Bearer wrong"}, 401),
         ({"Authorization": TOKEN}, 401),
-        ({"Authorization": f"Bearer {TOKEN}", "Host": "evil.example"}, 421),
-        ({"Authorization": f"Bearer {TOKEN}", "Origin": "https://evil.example"}, 403),
-    ],
-)
-def test_http_request_without_the_token_or_from_another_site_is_refused(
-    token_file, headers, status
-):
-    options = "--http", "127.0.0.1:0", "--token-file", str(token_file)
-    with bridge(*options) as (_, ready):
-        body = {"jsonrpc": "2.0", "id": 1, "method": "tools/list"}
-        accept = {"Accept": "application/json, text/event-stream"}
+        ({**known, "Host": "evil.example"}, 421),
+        ({**known, "Origin": "https://evil.example"}, 403),
+        ({**known, "Origin": "http://localhost:3000"}, 403),
+    ]
+    body = {"jsonrpc": "2.0", "id": 1, "method": "tools/list"}
+    accept = {"Accept": "application/json, text/event-stream"}
+    with bridge("--http", "127.0.0.1:0", "--token-file", str(token_file)) as (_, ready):
         url = ready.split()[-1]
-        assert httpx2.post(url, json=body, headers={**accept, **headers}).status_code == status
+        for headers, status in cases:
+            response = httpx2.post(url, json=body, headers={**accept, **headers})
+            assert response.status_code == status, headers
