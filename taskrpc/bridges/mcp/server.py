@@ -86,7 +86,7 @@ class AgentServer:
         result = await self._calls.call(
             params.name,
             params.arguments or {},
-            _request_id(context),
+            request_id_of(context),
             context.session.report_progress,
         )
         return types.CallToolResult(
@@ -143,7 +143,7 @@ async def _session(_: Server[str]) -> AsyncIterator[str]:
     yield secrets.token_hex(8)
 
 
-def _request_id(context: Context) -> str:
+def request_id_of(context: Context) -> str:
     """Return an id for the request that no other request has, "" if there is none.
 
     Over HTTP, clients of the protocol since 2026-07-28 have no session, so that two of them may

@@ -7,6 +7,8 @@ import pytest
 
 import srvgen
 import taskrpc
+from taskrpc.bridges.mcp.calls import ToolCalls
+from taskrpc.bridges.mcp.permissions import Permissions
 from tests.bridges.mcp.agents import MODES, connected, failed
 from tests.bridges.mcp.doors import Decision, Outcome, TableDoor
 
@@ -85,6 +87,29 @@ async def test_dry_run_of_a_task_has_the_estimate_of_the_task_server():
         found = failed(await client.call_tool("robot_task", arguments))
         assert found["error"] == "DryRun"
         assert found["estimate"] == {"success": True, "message": "", "estimated_time": 3.5}
+
+
+async def test_request_id_of_the_session_runs_once_and_can_be_repeated_by_the_agent():
+    calls = []
+
+    async def progress(*_):
+        pass
+
+    def count(request, response):
+        calls.append(1)
+        response.message = str(len(calls))
+        return response
+
+    async with taskrpc.Node("program", transport="memory") as node:
+        node.create_service(TRIGGER, "count", count, exactly_once=taskrpc.MemoryCompletions())
+        tools = ToolCalls(node, Permissions())
+
+        async def called(request_id, **given):
+            return (await tools.call("count", given, request_id, progress)).json["message"]
+
+        assert [await called("s-1"), await called("s-1"), await called("s-2")] == ["1", "1", "2"]
+        assert await called("s-3", _request_id="s-1") == "1"
+        assert [await called(""), await called("")] == ["3", "4"]
 
 
 @MODES

@@ -1,8 +1,12 @@
 """The MCP server: what the official client sees of tools and of the map."""
 
 import json
+from types import SimpleNamespace
+
+import pytest
 
 import srvgen
+from taskrpc.bridges.mcp.server import SESSION_HEADER, request_id_of
 from tests.bridges.mcp.agents import MODES, connected
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
@@ -35,3 +39,19 @@ async def test_map_is_a_resource(tmp_path):
         (resource,) = (await client.list_resources()).resources
         (contents,) = (await client.read_resource(str(resource.uri))).contents
         assert contents.text == "size: [10, 8]\n"
+
+
+@pytest.mark.parametrize(
+    ("number", "headers", "expected"),
+    [
+        (5, None, "own-5"),
+        ("a", None, "own-a"),
+        (5, {SESSION_HEADER: "theirs"}, "theirs-5"),
+        (5, {}, ""),
+        (None, None, ""),
+    ],
+)
+def test_request_has_an_id_only_if_no_other_client_can_send_it(number, headers, expected):
+    request = None if headers is None else SimpleNamespace(headers=headers)
+    context = SimpleNamespace(request_id=number, lifespan_context="own", request=request)
+    assert request_id_of(context) == expected

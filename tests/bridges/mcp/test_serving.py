@@ -18,20 +18,28 @@ import taskrpc
 pytestmark = pytest.mark.real_time
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
+TRIGGER = srvgen.load("std_srvs/srv/Trigger")
 COMMAND = ["-m", "taskrpc", "bridge", "mcp"]
 TOKEN = "token-of-the-agent"
 
 
 @contextlib.asynccontextmanager
 async def program():
-    """A program of this machine that offers `/add`."""
+    """A program of this machine that offers `/add`, and `/count`, which runs a request once."""
+    calls = []
 
     def add(request, response):
         response.sum = request.a + request.b
         return response
 
+    def count(request, response):
+        calls.append(1)
+        response.message = str(len(calls))
+        return response
+
     async with taskrpc.Node("program") as node:
         node.create_service(ADD, "add", add)
+        node.create_service(TRIGGER, "count", count, exactly_once=taskrpc.MemoryCompletions())
         yield node
 
 
@@ -58,7 +66,7 @@ def token_file(tmp_path):
 async def test_client_starts_the_bridge_and_calls_a_service():
     parameters = StdioServerParameters(command=sys.executable, args=COMMAND, env=dict(os.environ))
     async with program(), Client(parameters) as client:
-        assert [each.name for each in (await client.list_tools()).tools] == ["add"]
+        assert [each.name for each in (await client.list_tools()).tools] == ["add", "count"]
         result = await client.call_tool("add", {"a": 2, "b": 3})
         assert result.structured_content == {"sum": 5}
 
@@ -77,18 +85,23 @@ def test_bridge_ends_when_its_client_closes_standard_input():
         assert process.wait(60) == 0
 
 
-async def test_client_with_the_token_calls_a_service_over_http(token_file):
+async def test_clients_with_the_token_call_services_over_http(token_file):
+    """All clients number their requests from the same number on; each is a request of its own."""
     options = "--http", "127.0.0.1:0", "--token-file", str(token_file)
     async with program():
         with bridge(*options) as (process, ready):
             url = ready.split()[-1]
             headers = {"Authorization": f"Bearer {TOKEN}"}
             async with httpx2.AsyncClient(headers=headers) as http:
-                for mode in ("auto", "legacy"):
+                found = []
+                for mode in ("auto", "auto", "legacy", "legacy"):
                     transport = streamable_http_client(url, http_client=http)
                     async with Client(transport, mode=mode) as client:
+                        result = await client.call_tool("count", {})
+                        found.append(result.structured_content["message"])
                         result = await client.call_tool("add", {"a": 2, "b": 3})
-                    assert result.structured_content == {"sum": 5}
+                        assert result.structured_content == {"sum": 5}
+            assert found == ["1", "2", "3", "4"]
             process.terminate()
             assert await asyncio.to_thread(process.wait, 60) == 0 or sys.platform == "win32"
 
