@@ -6,6 +6,7 @@ Every call ends with a result that the agent can read, also when it fails.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any, TypeAlias
@@ -22,7 +23,7 @@ from taskrpc.bridges.rosbridge.actions import ActionClients
 from taskrpc.bridges.rosbridge.services import ServiceClients
 from taskrpc.bridges.rosbridge.types import action_class
 from taskrpc.client import Client
-from taskrpc.errors import GoalFailed, ServerBusy, TaskRpcError, TypeMismatch
+from taskrpc.errors import GoalFailed, ServerBusy, ServiceUnavailable, TaskRpcError, TypeMismatch
 from taskrpc.node import Node
 
 log = logging.getLogger("taskrpc.mcp")
@@ -122,14 +123,17 @@ class ToolCalls:
 
     async def _dry_run(self, target: Target, message: Any) -> Result:
         """Say what a call would do; for a task of a task server, also when the task would end."""
-        estimator = estimator_of(target)
-        if estimator is None:
-            return dry_run(target.name, message)
+        estimate = None
+        if (estimator := estimator_of(target)) is not None:
+            with contextlib.suppress(ServiceUnavailable):  # a task server of another project
+                estimate = await self._estimate(estimator, message)
+        return dry_run(target.name, message, estimate)
+
+    async def _estimate(self, estimator: str, task: Any) -> Any:
         deadline = asyncio.get_running_loop().time() + TIMEOUT
         client = await self._clients.client(estimator, deadline)
-        given = {name: getattr(message, name) for name, _ in message._FIELDS}
-        estimate = await client.call(message_of(client.srv_type.Request, given), timeout=TIMEOUT)
-        return dry_run(target.name, message, estimate)
+        given = {name: getattr(task, name) for name, _ in task._FIELDS}
+        return await client.call(message_of(client.srv_type.Request, given), timeout=TIMEOUT)
 
     # Actions
 

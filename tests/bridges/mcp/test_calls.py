@@ -83,7 +83,10 @@ async def test_dry_run_of_a_task_has_the_estimate_of_the_task_server():
     async with connected() as (node, client):
         node.create_service(robot_task, "robot_task", lambda request, response: 1 / 0)
         node.create_service(estimate_task, "robot_task/estimate", estimate)
+        node.create_service(robot_task, "other", lambda request, response: 1 / 0)
         arguments = {"task_type": "move", "target": "dock", "priority": 3, "_dry_run": True}
+        without = failed(await client.call_tool("other", arguments))
+        assert (without["error"], without.get("estimate")) == ("DryRun", None)
         found = failed(await client.call_tool("robot_task", arguments))
         assert found["error"] == "DryRun"
         assert found["estimate"] == {"success": True, "message": "", "estimated_time": 3.5}
