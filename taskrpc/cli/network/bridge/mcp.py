@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 _NAME = "mcp_bridge"
 """The name of the node."""
+_SHORTEST_TOKEN = 16
 _NEEDED = "taskrpc bridge mcp needs the package mcp 2.3 or newer: pip install 'taskrpc[mcp]'"
 
 
@@ -26,7 +27,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     what = "Serve HTTP at this address of this machine, not standard input and output"
     add("--http", metavar="HOST:PORT", type=remote.address, help=what)
-    what = "A file with the token that HTTP clients must send (or set TASKRPC_TOKEN)"
+    what = "A file with the token that HTTP clients must send"
     add("--token-file", metavar="FILE", help=what)
     add(
         "--map",
@@ -42,9 +43,10 @@ def _run(options: argparse.Namespace) -> int:
         from mcp.server import ServerRequestContext  # noqa: F401 - not in earlier versions
     except ImportError:
         raise TaskRpcError(_NEEDED) from None
-    token = remote.remote_of(options).token or os.environ.get("TASKRPC_TOKEN") or ""
+    # Not TASKRPC_TOKEN: an agent must not get the secret of the programs of a lab.
+    token = remote.remote_of(options).token or ""
     if options.http:
-        _check_http(options.http, token)
+        _check_http(options, token)
     if options.map:
         from taskrpc.robot import read_map
 
@@ -66,10 +68,11 @@ def find_runtime_folder(environment: MutableMapping[str, str], usual: Path) -> N
         environment["XDG_RUNTIME_DIR"] = str(usual)
 
 
-def _check_http(address: str, token: str) -> None:
+def _check_http(options: argparse.Namespace, token: str) -> None:
     """Raise UsageError for an address or a token with which the bridge may not serve HTTP."""
     from taskrpc.spi import is_loopback, split_address
 
+    address = options.http
     host, _ = split_address(address)
     problem = ""
     if not is_loopback(host):
@@ -77,8 +80,12 @@ def _check_http(address: str, token: str) -> None:
             f"--http: expected an address of this machine such as 127.0.0.1:8765, got {address}"
         )
     elif not token:
-        make = "a file with a random text that only you can read"
-        problem = f"--http needs --token-file FILE or TASKRPC_TOKEN: {make}"
+        problem = "--http needs --token-file FILE, with a random text that only you can read"
+    elif len(token) < _SHORTEST_TOKEN:
+        problem = (
+            f"expected at least {_SHORTEST_TOKEN} characters in {options.token_file}, because other"
+            f" users of this machine can try to guess the token; got {len(token)}"
+        )
     if problem:
         raise UsageError(f"taskrpc bridge mcp: error: {problem}")
 
