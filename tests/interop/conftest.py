@@ -69,6 +69,19 @@ def ros_python(tmp_path_factory, request):
 
 
 @pytest.fixture(scope="session")
+def ros_mcp_python(tmp_path_factory):
+    """The Python of an environment with ros-mcp, which needs mcp 1; the extra `mcp` is mcp 2."""
+    folder = _shared_folder(tmp_path_factory)
+    python = folder / "ros-mcp" / "bin" / "python"
+    with locked(folder / "ros-mcp.lock"):
+        if not (folder / "ros-mcp-ready").exists():
+            make_environment(folder / "ros-mcp")
+            _pip("--python", python, "install", "--no-compile", "ros-mcp>=3.0")
+            (folder / "ros-mcp-ready").touch()
+    return str(python)
+
+
+@pytest.fixture(scope="session")
 def own_wheel(tmp_path_factory):
     """taskrpc's wheel, which pip builds once for all processes of the tests."""
     folder = _shared_folder(tmp_path_factory) / "own-wheel"

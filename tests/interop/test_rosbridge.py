@@ -242,8 +242,8 @@ def test_roslibpy_gets_an_error_for_its_call_when_the_gateway_ends(
     assert "OutcomeUnknown: the gateway ends; the call may have run" in printed
 
 
-def test_tools_of_ros_mcp(ports):
-    found = output_of(sys.executable, str(FOLDER / "ros_mcp_client.py"), ports["bridge"])
+def test_tools_of_ros_mcp(ports, ros_mcp_python):
+    found = output_of(ros_mcp_python, str(FOLDER / "ros_mcp_client.py"), ports["bridge"])
     assert "warning" not in found["connected"]
     assert "/robot_task/pose" in found["topics"]["topics"]
     assert found["topic"]["type"] == "geometry_msgs/msg/PoseStamped"

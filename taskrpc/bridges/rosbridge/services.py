@@ -62,14 +62,25 @@ class ServiceClients:
         try:
             return await self._attempt(service, args, deadline)
         except TypeMismatch:  # a server with another definition has replaced the earlier one
-            self._forget(service)
+            self.forget(service)
             return await self._attempt(service, args, deadline)
 
-    async def _attempt(self, service: str, args: object, deadline: float | None) -> dict[str, Any]:
+    async def client(self, service: str, deadline: float | None) -> Client[Any, Any]:
+        """Return a client with the definition that the server of an absolute name reports.
+
+        The client may be closed after calls of many other services. `deadline` is an instant on the
+        clock of the event loop, None for none.
+
+        Raises ServiceUnavailable, DeadlineExceeded, DefinitionError.
+        """
         client = self._clients.get(service)
         if client is None or not client.service_is_ready():
             client = await self._find(service, deadline)
         self._clients.move_to_end(service)
+        return client
+
+    async def _attempt(self, service: str, args: object, deadline: float | None) -> dict[str, Any]:
+        client = await self.client(service, deadline)
         request = request_from_json(client.srv_type.Request, args)
         left = None if deadline is None else deadline - asyncio.get_running_loop().time()
         return to_json(await client.call(request, timeout=left))
@@ -86,13 +97,14 @@ class ServiceClients:
         known = self._clients.get(service)
         if known is not None and known.srv_type is cls:
             return known
-        self._forget(service)
+        self.forget(service)
         self._clients[service] = made = self._node.create_client(cls, service)
         while len(self._clients) > _KEPT_CLIENTS:
-            self._forget(next(iter(self._clients)))
+            self.forget(next(iter(self._clients)))
         return made
 
-    def _forget(self, service: str) -> None:
+    def forget(self, service: str) -> None:
+        """Close the client of a service, because the definition of the service has changed."""
         if (client := self._clients.pop(service, None)) is not None:
             client.destroy()
 

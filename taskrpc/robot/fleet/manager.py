@@ -35,6 +35,7 @@ from taskrpc.robot.tasks.responses import (
     commanded,
     queue_text,
     stopped_note,
+    task_possible,
     unstored_note,
 )
 
@@ -240,6 +241,22 @@ class FleetManager(ManagedRobot):
     def changes(self, task: Task) -> Sequence[EstimateChange]:
         """Return by how much an ended task ended later than its accepted estimate."""
         return task.changes
+
+    def preview(
+        self, task_type: str, target: str, priority: int, *, account: str = "", machine: str = ""
+    ) -> TaskResponse:
+        """Return what `submit` would respond now, without queueing a task."""
+        state, now, settings = self.store.state, self.store.now(), self._settings
+        unable = self._own_robot.refusal(state, now, task_type, target)
+        if problem := requests.refusal(
+            unable, priority, state, settings.queue_limit, settings.share, account, machine
+        ):
+            return TaskResponse(False, problem)
+        task = Task.possible(task_type, target, priority, now)
+        end = rules.end_of_new(state, now, task, self._own_robot.plan, self.name)
+        seconds = max(0.0, self._seconds_until(end)) * self.speed
+        note = waits_for(state, now, task)
+        return task_possible(task_type, seconds, paused=self.is_paused, note=note)
 
     # Changes; each returns when it is stored
 
@@ -471,7 +488,9 @@ class FleetManager(ManagedRobot):
         return max(0.0, self._seconds_to(task, plan)) * self.speed
 
     def _seconds_to(self, task: Task, plan: FleetPlan) -> float:
-        end = rules.end_of(self.store.state, plan, task)
+        return self._seconds_until(rules.end_of(self.store.state, plan, task))
+
+    def _seconds_until(self, end: Planned | float | None) -> float:
         if end is None:
             return 0.0
         return (end.ends if isinstance(end, Planned) else end) - self.store.now()

@@ -438,7 +438,29 @@ def end_of(state: FleetState, plan: FleetPlan, task: Task) -> Planned | float | 
 
     None if no robot can execute it.
     """
-    behind = state.position(task) - HORIZON + 1
+    return _end_at(state, plan, task, state.position(task))
+
+
+def end_of_new(
+    state: FleetState, now: float, task: Task, planner: Planner, own: str
+) -> Planned | float | None:
+    """Return what `end_of` would return if this task were queued; `task` has no id."""
+    place = state.position(task) + 1  # as if it were there already
+
+    def task_at(position: int) -> Task | None:
+        if position == place:
+            return task
+        return state.queued_at(position if position < place else position - 1)
+
+    robots, abilities = state.working_robots(now), state.abilities()
+    plan = FleetPlan(task_at, robots, abilities, now, planner, own=own)
+    return _end_at(state, plan, task, place)
+
+
+def _end_at(
+    state: FleetState, plan: FleetPlan, task: Task, position: int
+) -> Planned | float | None:
+    behind = position - HORIZON + 1
     if behind <= 0:
         return plan.find(task.task_id)
     able = state.abilities().of(task.task_type, task.target)

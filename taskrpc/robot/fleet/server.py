@@ -25,7 +25,7 @@ from taskrpc.spi import ClientKey, Completion, Execution, IntrospectionState, St
 
 if TYPE_CHECKING:
     from srvgen.stubs.my_robot_interfaces.srv import RobotTask
-    from srvgen.stubs.taskrpc_interfaces.srv import ListTasks, ShowTask, WatchTasks
+    from srvgen.stubs.taskrpc_interfaces.srv import EstimateTask, ListTasks, ShowTask, WatchTasks
 
 
 class FleetServer(OfferedTasks):
@@ -126,6 +126,13 @@ class FleetServer(OfferedTasks):
         return filled(response, result)
 
     # A client may have changed the tasks at another server just before it asks this one.
+
+    async def estimate(
+        self, request: EstimateTask.Request, response: EstimateTask.Response
+    ) -> EstimateTask.Response:
+        """Say when a task would end, without queueing it; see EstimateTask.srv."""
+        await self.manager.repository.refreshed()
+        return await super().estimate(request, response)
 
     async def list_tasks(
         self, request: ListTasks.Request, response: ListTasks.Response

@@ -137,6 +137,11 @@ class ManagedTasks(Protocol):
     def changes(self, task: Task) -> Sequence[EstimateChange]:
         """Return why a task does not end at its accepted estimate, oldest change first."""
 
+    def preview(
+        self, task_type: str, target: str, priority: int, *, account: str = "", machine: str = ""
+    ) -> TaskResponse:
+        """Return what the response to a new task would be, without queueing it."""
+
     async def start(self) -> Resumed:
         """Read the store and let the robot begin. Raises StoreError."""
 

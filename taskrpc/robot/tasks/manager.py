@@ -14,7 +14,13 @@ from taskrpc.robot.protocol import Robot
 from taskrpc.robot.tasks import rules
 from taskrpc.robot.tasks.managed import Completing, QueueSettings, RobotStatus
 from taskrpc.robot.tasks.managed_robot import ManagedRobot
-from taskrpc.robot.tasks.model import RUNNING_KEY, EstimateChange, OrderKey, Task, TaskState
+from taskrpc.robot.tasks.model import (
+    RUNNING_KEY,
+    EstimateChange,
+    OrderKey,
+    Task,
+    TaskState,
+)
 from taskrpc.robot.tasks.queue.estimate_log import DelayLog
 from taskrpc.robot.tasks.queue.estimated_queue import EstimatedQueue
 from taskrpc.robot.tasks.queue.journal import JournaledQueue, QueueJournal
@@ -31,6 +37,7 @@ from taskrpc.robot.tasks.responses import (
     no_fleet,
     queue_text,
     stopped_note,
+    task_possible,
     task_queued,
     unknown_type,
     unstored_note,
@@ -181,6 +188,17 @@ class TaskManager(ManagedRobot):
         """Return nothing: there is no fleet."""
         return ()
 
+    def preview(
+        self, task_type: str, target: str, priority: int, *, account: str = "", machine: str = ""
+    ) -> TaskResponse:
+        """Return what `submit` would respond now, without queueing a task."""
+        if problem := self._refusal(task_type, target, priority, account, machine):
+            return TaskResponse(False, problem)
+        self.update_estimates()
+        task = Task.possible(task_type, target, priority, self._settings.wall_clock())
+        seconds = self.seconds_ahead() + self.queue.seconds_with(task)
+        return task_possible(task_type, seconds, paused=self.is_paused)
+
     # Changes; each returns when it is stored
 
     async def submit(
@@ -237,15 +255,7 @@ class TaskManager(ManagedRobot):
         Returns the response, which is valid from then on. A refusal is valid at once, and
         `on_stored` is not called.
         """
-        if refusal := rules.refusal(
-            self._unable(task_type, target),
-            priority,
-            self.queue,
-            self._settings.queue_limit,
-            self._settings.share,
-            account,
-            machine,
-        ):
+        if refusal := self._refusal(task_type, target, priority, account, machine):
             return TaskResponse(False, refusal)
         task = Task(
             task_id=self.repository.new_id(),
@@ -374,6 +384,20 @@ class TaskManager(ManagedRobot):
         return self._robot_guard.command(reset)
 
     # Internals
+
+    def _refusal(
+        self, task_type: str, target: str, priority: int, account: str, machine: str
+    ) -> str:
+        """Return why a task is not queued, "" if it is."""
+        return rules.refusal(
+            self._unable(task_type, target),
+            priority,
+            self.queue,
+            self._settings.queue_limit,
+            self._settings.share,
+            account,
+            machine,
+        )
 
     def _unable(self, task_type: str, target: str) -> str:
         """Return why the robot cannot execute a task, "" if it can."""

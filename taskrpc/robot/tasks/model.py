@@ -28,6 +28,7 @@ LEVELS = range(-PRIORITY_MAX, -PRIORITY_MIN + 1)
 """The first component of the queued tasks' keys, in the order of execution."""
 RUNNING_KEY: OrderKey = (LEVELS[0] - 1, 0)
 """The key of the running task: before every queued task."""
+_LAST_ARRIVAL = 2**62  # behind all tasks of a priority
 BEFORE_RUNNING_KEY: OrderKey = (LEVELS[0] - 2, 0)
 """A key before the running task."""
 
@@ -149,6 +150,18 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
 
     decisions: tuple[ClientDecision, ...] = ()
     """The newest decisions of clients about it, at most `DECISIONS`, oldest first."""
+
+    @classmethod
+    def possible(cls, task_type: str, target: str, priority: int, now: float) -> Task:
+        """Return a task that is not queued, as if it were submitted now; it has no id."""
+        return cls(
+            task_id=0,
+            task_type=task_type,
+            target=target,
+            priority=priority,
+            arrival=_LAST_ARRIVAL,
+            submitted_at=now,
+        )
 
     @property
     def order_key(self) -> OrderKey:

@@ -64,10 +64,21 @@ def task_queued(task: Task, estimated_time: float, *, paused: bool, note: str = 
 
     `paused`: whether the queue is paused.
     """
-    notes = [each for each in (note, "the queue is paused" if paused else "") if each]
-    added = f" ({'; '.join(notes)})" if notes else ""
-    message = f"Task queued: {task.task_type}{added}"
+    message = f"Task queued: {task.task_type}{_notes(note, paused=paused)}"
     return TaskResponse(True, message, task.task_id, estimated_time)
+
+
+def task_possible(
+    task_type: str, estimated_time: float, *, paused: bool, note: str = ""
+) -> TaskResponse:
+    """Return the response about a task that would be accepted; the arguments as `task_queued`."""
+    added = _notes(note, paused=paused)
+    return TaskResponse(True, f"Task would be queued: {task_type}{added}", -1, estimated_time)
+
+
+def _notes(note: str, *, paused: bool) -> str:
+    notes = [each for each in (note, "the queue is paused" if paused else "") if each]
+    return f" ({'; '.join(notes)})" if notes else ""
 
 
 def refused(task: Task | None, task_id: int, rule: str) -> TaskResponse:

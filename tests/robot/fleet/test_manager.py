@@ -48,6 +48,17 @@ async def test_estimates_cover_the_fleet_and_come_true(fleet):
         assert took == pytest.approx(estimates[number], abs=0.1)
 
 
+async def test_preview_is_the_response_that_the_next_task_gets(fleet):
+    managers = [await fleet.add(f"r{number}") for number in (1, 2)]
+    for target, priority in [(4, 5), (4, 5), (8, 9), (0, 1), (2, 10)]:
+        expected = managers[0].preview("move", str(target), priority)
+        response = await managers[0].submit("move", str(target), priority)
+        assert expected.estimated_time == pytest.approx(response.estimated_time, abs=0.01)
+        assert (expected.success, expected.task_id) == (True, -1)
+    refused = "move", "mars", 5
+    assert managers[1].preview(*refused) == await managers[1].submit(*refused)
+
+
 async def test_higher_priority_runs_first_whichever_server_accepted_it(fleet):
     first, second = [await fleet.add(f"r{number}", settle=0.1) for number in (1, 2)]
     await submitted(first, 1, 1, 1, priority=2)

@@ -46,6 +46,25 @@ async def test_an_accepted_task_is_answered_with_its_number_and_time(manager):
     assert (second.task_id, second.estimated_time) == (2, pytest.approx(6.1))
 
 
+async def test_preview_is_the_response_that_the_next_task_gets(manager):
+    for target, priority in [("3", 5), ("5", 9), ("1", 5), ("4", 1), ("2", 10)]:
+        expected = manager.preview("move", target, priority)
+        response = await manager.submit("move", target, priority)
+        assert expected.estimated_time == pytest.approx(response.estimated_time)
+        assert (expected.success, expected.message) == (True, "Task would be queued: move")
+    assert len(list(manager.repository.tasks())) == 5
+
+
+async def test_preview_of_a_task_that_would_be_refused_has_the_refusal(manager):
+    await manager.pause()
+    assert (
+        manager.preview("move", "1", 5).message
+        == "Task would be queued: move (the queue is paused)"
+    )
+    for task in ("fly", "1", 5), ("move", "mars", 5), ("move", "1", 11):
+        assert manager.preview(*task) == await manager.submit(*task)
+
+
 async def test_settling_is_counted_in_the_robots_seconds():
     manager = TaskManager(LineRobot(speed=10.0), MemoryStore(), TaskSettings(settle=0.5))
     await manager.start()

@@ -3,6 +3,7 @@
 
 from ._cancel_task import CancelTask as CancelTask, CancelTask_Event as CancelTask_Event, CancelTask_Request as CancelTask_Request, CancelTask_Response as CancelTask_Response
 from ._drop_task import DropTask as DropTask, DropTask_Event as DropTask_Event, DropTask_Request as DropTask_Request, DropTask_Response as DropTask_Response
+from ._estimate_task import EstimateTask as EstimateTask, EstimateTask_Event as EstimateTask_Event, EstimateTask_Request as EstimateTask_Request, EstimateTask_Response as EstimateTask_Response
 from ._list_tasks import ListTasks as ListTasks, ListTasks_Event as ListTasks_Event, ListTasks_Request as ListTasks_Request, ListTasks_Response as ListTasks_Response
 from ._pause_tasks import PauseTasks as PauseTasks, PauseTasks_Event as PauseTasks_Event, PauseTasks_Request as PauseTasks_Request, PauseTasks_Response as PauseTasks_Response
 from ._reprioritise_task import ReprioritiseTask as ReprioritiseTask, ReprioritiseTask_Event as ReprioritiseTask_Event, ReprioritiseTask_Request as ReprioritiseTask_Request, ReprioritiseTask_Response as ReprioritiseTask_Response
@@ -21,6 +22,10 @@ __all__ = [
     "DropTask_Event",
     "DropTask_Request",
     "DropTask_Response",
+    "EstimateTask",
+    "EstimateTask_Event",
+    "EstimateTask_Request",
+    "EstimateTask_Response",
     "ListTasks",
     "ListTasks_Event",
     "ListTasks_Request",

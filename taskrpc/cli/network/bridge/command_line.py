@@ -7,7 +7,7 @@ import hmac
 import os
 import sys
 
-from taskrpc.cli.network.bridge import robot
+from taskrpc.cli.network.bridge import mcp, robot
 from taskrpc.cli.shared import remote
 from taskrpc.cli.shared.command import exit_after, tune_for_long_run
 from taskrpc.cli.shared.parsing import add_allow_origin, add_command, add_group
@@ -24,6 +24,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     commands = add_group(parser)
     ros = add_command(commands, "ros", "Let machines without ROS call the services of a robot")
     robot.configure(ros)
+    what = "Give an agent, such as an assistant, the services, actions and topics as tools (MCP)"
+    mcp.configure(add_command(commands, "mcp", what))
     rosbridge = add_command(
         commands, "rosbridge", "Start a gateway for rosbridge clients, such as roslib in a browser"
     )

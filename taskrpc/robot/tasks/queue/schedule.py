@@ -105,6 +105,14 @@ class Schedule:
             ahead += tasks.weight
         return ahead + self._levels[own_level].weight_through(arrival)
 
+    def seconds_with(self, task: Task) -> float:
+        """Return what `seconds_through` would return if this task were inserted."""
+        level, arrival = task.order_key
+        before = self._before(level, arrival)
+        start = before.plan.end if before else self._start_pose
+        ahead = self.seconds_through(before.task) if before else 0.0
+        return ahead + self._plan(task, start).seconds
+
     def tasks_after(self, key: OrderKey = RUNNING_KEY) -> Iterator[tuple[Task, float]]:
         """Iterate over the tasks behind a place, each with its `seconds_through`."""
         own_level, arrival = key

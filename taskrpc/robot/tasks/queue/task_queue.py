@@ -115,6 +115,10 @@ class TaskQueue:
         """Return the robot seconds from the start of the first task to the end of this one."""
         return self._schedule.seconds_through(task)
 
+    def seconds_with(self, task: Task) -> float:
+        """Return what `seconds_through` would return if this task were in the queue."""
+        return self._schedule.seconds_with(task)
+
     def ordered(self, after: OrderKey = RUNNING_KEY) -> Iterator[tuple[Task, float]]:
         """Iterate over the tasks behind a place, in order, each with its `seconds_through`."""
         return self._schedule.tasks_after(after)

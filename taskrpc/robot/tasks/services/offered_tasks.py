@@ -25,7 +25,12 @@ from taskrpc.robot.tasks.model import Task
 from taskrpc.robot.tasks.responses import Resumed, TaskMessages, TaskResponse
 from taskrpc.robot.tasks.services.action import SubmittingTasks, TaskAction
 from taskrpc.robot.tasks.services.pages import page
-from taskrpc.robot.tasks.services.permissions import ROLES, client_name, refuse_others_task
+from taskrpc.robot.tasks.services.permissions import (
+    ROLES,
+    client_name,
+    refuse_others_task,
+    submitter,
+)
 from taskrpc.robot.tasks.services.topics import TaskTopics
 from taskrpc.service import Service
 from taskrpc.spi import Completion, CompletionStore, IntrospectionState
@@ -37,6 +42,7 @@ if TYPE_CHECKING:
     from srvgen.stubs.taskrpc_interfaces.srv import (
         CancelTask,
         DropTask,
+        EstimateTask,
         ListTasks,
         PauseTasks,
         ReprioritiseTask,
@@ -58,6 +64,7 @@ _WATCHED_TASKS = 100  # with more changes the response is incomplete: the client
 
 _TYPES = {
     "submit": "my_robot_interfaces/srv/RobotTask",
+    "estimate": "taskrpc_interfaces/srv/EstimateTask",
     "list": "taskrpc_interfaces/srv/ListTasks",
     "show": "taskrpc_interfaces/srv/ShowTask",
     "watch": "taskrpc_interfaces/srv/WatchTasks",
@@ -236,6 +243,7 @@ class OfferedTasks:
         # A client may repeat a call that reads or halts when its response was lost. It must not
         # repeat a call that starts something: another client may have halted it meanwhile.
         handlers: tuple[tuple[str, _Handler, bool], ...] = (
+            ("estimate", self.estimate, True),
             ("list", self.list_tasks, True),
             ("show", self.show, True),
             ("watch", self.watch, True),
@@ -304,6 +312,16 @@ class OfferedTasks:
     ) -> RobotTask.Response | Awaitable[RobotTask.Response]:
         """Take a call of the service that accepts tasks."""
         return self._guarded(self.submit)(request, response)
+
+    async def estimate(
+        self, request: EstimateTask.Request, response: EstimateTask.Response
+    ) -> EstimateTask.Response:
+        """Say when a task would end, without queueing it; see EstimateTask.srv."""
+        _, account, machine = submitter()
+        result = self.manager.preview(
+            request.task_type, request.target, request.priority, account=account, machine=machine
+        )
+        return filled(response, result)
 
     async def list_tasks(
         self, request: ListTasks.Request, response: ListTasks.Response

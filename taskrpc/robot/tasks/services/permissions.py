@@ -10,6 +10,7 @@ from taskrpc.robot.tasks.model import Task
 from taskrpc.spi import Denied
 
 ROLES = {
+    "estimate": Role.OBSERVE,
     "list": Role.OBSERVE,
     "show": Role.OBSERVE,
     "watch": Role.OBSERVE,

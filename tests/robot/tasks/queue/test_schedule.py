@@ -9,7 +9,9 @@ from tests.robot.tasks.queue.test_task_queue import first, journey, make
 HOME = Pose(0.0, 0.0, 0.0)
 
 
-@pytest.mark.parametrize("step", ["put", "put_first", "remove", "reprioritise", "take", "estimate"])
+@pytest.mark.parametrize(
+    "step", ["put", "put_first", "remove", "reprioritise", "take", "estimate", "preview"]
+)
 async def test_the_work_of_a_step_does_not_grow_with_the_queue(step):
     """Counted in plans made, which is where the time goes; one step among 52 and among 2,000."""
     assert max(count_plans(step, size) for size in (52, 2_000)) <= 5
@@ -34,6 +36,7 @@ def count_plans(step, size):
         "reprioritise": lambda: queue.reprioritise(size // 2, 9),
         "take": lambda: queue.begin(first(queue)),
         "estimate": lambda: queue.seconds_through(queue.find(size)),
+        "preview": lambda: queue.seconds_with(make(size + 1)),
     }
     steps[step]()
     return plans

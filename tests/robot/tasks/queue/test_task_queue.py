@@ -80,7 +80,9 @@ class QueueAgainstSortedList(RuleBasedStateMachine):
     @rule(target=waiting, priority=st.integers(1, 10), x=st.integers(0, 3))
     def put(self, priority, x):
         task = make(next(self.numbers), priority, str(x))
+        expected = self.queue.seconds_with(task)
         self.shifted(lambda: self.queue.put(task))
+        assert self.queue.seconds_through(task) == pytest.approx(expected)
         self.model[task.task_id] = task
         return task.task_id
 

@@ -53,6 +53,18 @@ async def asked(node):
     return answer.success, answer.message
 
 
+async def test_estimate_queues_nothing(node, server):
+    estimate_task = srvgen.load("taskrpc_interfaces/srv/EstimateTask")
+    async with server:
+        client = node.create_client(estimate_task, "/robot_task/estimate")
+        request = estimate_task.Request(task_type="move", target="3", priority=5)
+        for _ in range(2):
+            answer = await client.call(request)
+            assert (answer.success, answer.message) == (True, "Task would be queued: move")
+            assert answer.estimated_time == pytest.approx(5.1)
+        assert await asked(node) == (True, "ready: no tasks in the queue")
+
+
 async def test_working_server_is_ready_and_describes_its_queue(node, server):
     async with server:
         assert await asked(node) == (True, "ready: no tasks in the queue")

@@ -1,0 +1,50 @@
+"""What an agent may do, with a policy and without."""
+
+import pytest
+
+from taskrpc.bridges.mcp.permissions import Permissions, Refused
+from tests.bridges.mcp.doors import Decision, Outcome, TableDoor
+
+
+def test_without_a_policy_everything_is_shown_and_allowed():
+    permissions = Permissions()
+    assert permissions.shows("call", "/anything")
+    assert permissions.check("read", "/anything")
+
+
+def test_services_that_every_node_has_are_shown_only_by_a_policy():
+    door = TableDoor(arm__get_parameters=Decision(Outcome.ALLOWED))
+    assert not Permissions().shows("call", "/arm/get_parameters")
+    assert Permissions(door).shows("call", "/arm/get_parameters")
+
+
+def test_policy_decides_with_the_name_and_the_message():
+    door = TableDoor(arm=Decision(Outcome.ALLOWED))
+    permissions = Permissions(door, "agents")
+    assert permissions.shows("call", "/arm")
+    assert not permissions.shows("call", "/leg")
+    assert permissions.check("call", "/arm", "message")
+    assert door.asked == [("agents", "call", "/arm", "message")]
+
+
+def test_dry_run_is_not_carried_out():
+    assert not Permissions(TableDoor(arm=Decision(Outcome.DRY_RUN))).check("call", "/arm")
+
+
+@pytest.mark.parametrize(
+    ("decision", "text"),
+    [
+        (Decision(Outcome.REFUSED, 7, "too fast", 2.5), "too fast (line 7 of the policy)"),
+        (Decision(Outcome.REFUSED, 0, "no name"), "no name"),
+        (
+            Decision(Outcome.NEEDS_APPROVAL, 4),
+            "a person must approve call /arm, and this bridge cannot ask one"
+            " (line 4 of the policy)",
+        ),
+    ],
+)
+def test_refusal_names_the_rule(decision, text):
+    with pytest.raises(Refused) as refused:
+        Permissions(TableDoor(arm=decision)).check("call", "/arm")
+    assert str(refused.value) == text
+    assert (refused.value.line, refused.value.retry_after) == (decision.line, decision.retry_after)
