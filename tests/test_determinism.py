@@ -32,6 +32,7 @@ MAY_DRAW = {
     "taskrpc/middleware/zenoh/services.py": "a real middleware",
     "taskrpc/middleware/zenoh/topics.py": "a real middleware",
     "taskrpc/observe/web/tokens.py": "the secrets of the live page",
+    "taskrpc/bridges/mcp/server.py": "agents on a real network, whose request ids must not meet",
     "taskrpc/course/classroom/register.py": "the secrets of students",
     "taskrpc/course/labs/": "tests of students' programs must differ each time",
     "taskrpc/course/browser_lab/tab/trial.py": "the same, in the browser",
