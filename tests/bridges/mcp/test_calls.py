@@ -4,11 +4,13 @@ import asyncio
 import json
 
 import pytest
+from mcp import Client
 
 import srvgen
 import taskrpc
 from taskrpc.bridges.mcp.calls import ToolCalls
 from taskrpc.bridges.mcp.permissions import Permissions
+from taskrpc.bridges.mcp.server import AgentServer
 from tests.bridges.mcp.agents import MODES, connected, failed
 from tests.bridges.mcp.doors import Decision, Outcome, TableDoor
 
@@ -233,8 +235,9 @@ async def test_progress_that_does_not_grow_is_left_out():
         assert steps == [(0.0, 1.0), (0.5, 1.0), (1.0, 1.0)]
 
 
-async def test_cancelled_call_cancels_the_goal():
-    cancelled = asyncio.Event()
+@pytest.mark.parametrize("end", ["cancel", "leave"])
+async def test_goal_is_cancelled_when_its_call_is_cancelled_or_the_client_leaves(end):
+    began, cancelled = asyncio.Event(), asyncio.Event()
 
     async def execute(goal):
         goal.publish_feedback(FIBONACCI.Feedback(sequence=[0]))
@@ -242,18 +245,21 @@ async def test_cancelled_call_cancels_the_goal():
         cancelled.set()
         return goal.canceled(FIBONACCI.Result(sequence=[0]))
 
-    began = asyncio.Event()
-
     async def progress(done, total, text):
         began.set()
 
-    async with connected(mode="legacy") as (node, client):
+    async with taskrpc.Node("program", transport="memory") as node:
         node.create_action_server(FIBONACCI, "fibonacci", execute)
-        goal = client.call_tool("fibonacci--goal", {"order": 9}, progress_callback=progress)
-        call = asyncio.ensure_future(goal)
-        await began.wait()
-        call.cancel()
+        agent = AgentServer(node)
+        async with Client(agent.server, mode="legacy") as client:
+            goal = client.call_tool("fibonacci--goal", {"order": 9}, progress_callback=progress)
+            call = asyncio.ensure_future(goal)
+            await began.wait()
+            if end == "cancel":
+                call.cancel()
+                await asyncio.wait_for(cancelled.wait(), 10)
         await asyncio.wait_for(cancelled.wait(), 10)
+        await asyncio.gather(call, return_exceptions=True)
 
 
 async def test_aborted_goal_is_an_error_with_its_result():
