@@ -119,6 +119,17 @@ def decide(
     return refusal or _permission(rules, verb, target), counts
 
 
+def permits(policy: Policy, name: str, verb: str, target: str) -> bool:
+    """Return whether some request of this kind may pass; limits, rates and hours do not count.
+
+    `target` is an absolute name.
+    """
+    rules = policy.names.get(name)
+    if rules is None or any(rule.concerns(verb, target) for rule in rules.never):
+        return False
+    return any(rule.permits(verb, target) for rule in (*rules.may, *rules.ask, *rules.dry_run))
+
+
 @lru_cache(_KEPT)
 def _check_absolute(target: str) -> None:
     names.check_absolute(target, "name")

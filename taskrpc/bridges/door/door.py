@@ -10,7 +10,14 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Protocol
 
-from taskrpc.bridges.door.decisions import Counts, Decision, Moment, decide, refused
+from taskrpc.bridges.door.decisions import (
+    Counts,
+    Decision,
+    Moment,
+    decide,
+    permits,
+    refused,
+)
 from taskrpc.bridges.door.policy import DAY, Policy
 from taskrpc.bridges.door.policy_file import Known, PolicyError, parse_policy
 from taskrpc.errors import InvalidName
@@ -65,10 +72,7 @@ class Door:
         `target` is a service, action or topic as the caller spells it. `message` is the decoded
         message that the bridge is about to pass on, with the defaults of missing fields.
         """
-        moment = self._now()
-        if moment.seconds - self._checked_at >= CHECK_PERIOD:
-            self._checked_at = moment.seconds
-            self.refresh()
+        moment = self._refreshed()
         try:
             absolute = self._resolved(verb, target)
         except InvalidName as error:
@@ -77,6 +81,22 @@ class Door:
             self.policy, name, verb, absolute, message, moment, self._counts
         )
         return decision
+
+    def permits(self, name: str, verb: str, target: str) -> bool:
+        """Return whether `name` may do this with some message; nothing counts for a rate.
+
+        `target` is an absolute name.
+        """
+        self._refreshed()
+        return permits(self.policy, name, verb, target)
+
+    def _refreshed(self) -> Moment:
+        """Look whether the file has changed, if that is due; return the present time."""
+        moment = self._now()
+        if moment.seconds - self._checked_at >= CHECK_PERIOD:
+            self._checked_at = moment.seconds
+            self.refresh()
+        return moment
 
     def refresh(self) -> bool:
         """Read the file again if it has changed; return whether other rules are in force now.

@@ -6,7 +6,7 @@ import pytest
 
 import srvgen
 from taskrpc.bridges.door import Outcome, parse_policy
-from taskrpc.bridges.door.decisions import Counts, Moment, decide
+from taskrpc.bridges.door.decisions import Counts, Moment, decide, permits
 
 TEXT = """\
 agents:
@@ -224,6 +224,25 @@ def test_an_unknown_name_may_do_nothing():
 def test_a_name_has_only_its_own_rules():
     assert decided("read", "/anything", name="students").outcome is Outcome.ALLOWED
     assert decided("call", "/robot_task", TASK, name="students").outcome is Outcome.REFUSED
+
+
+@pytest.mark.parametrize(
+    ("name", "verb", "target", "permitted"),
+    [
+        ("agents", "call", "/robot_task", True),
+        ("agents", "call", "/robot_task/list", True),
+        ("agents", "call", "/robot_task/stop", True),  # after an approval
+        ("agents", "call", "/robot_task/clear", True),  # as a dry run
+        ("agents", "call", "/robot_task/drop", False),
+        ("agents", "call", "/robot_task/_hidden", False),
+        ("agents", "call", "/other", False),
+        ("agents", "read", "/robot_task", False),
+        ("students", "read", "/robot/pose", True),
+        ("nobody", "read", "/robot/pose", False),
+    ],
+)
+def test_a_target_is_permitted_if_some_request_may_pass(name, verb, target, permitted):
+    assert permits(POLICY, name, verb, target) == permitted
 
 
 def test_never_wins_over_a_permission_of_the_same_name():

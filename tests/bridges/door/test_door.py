@@ -54,6 +54,16 @@ def test_a_changed_file_is_in_force_after_the_period(path, clock):
     assert not may(door)
 
 
+def test_a_changed_file_changes_what_is_permitted_and_nothing_counts(path, clock):
+    write(path, "a: {may: [call /x], rate: {/x: 1/min}}")
+    door = Door(path, now=clock)
+    assert all(door.permits("a", "call", "/x") for _ in range(3))
+    assert may(door)
+    write(path, "a: {never: [call /x]}")
+    clock.seconds += CHECK_PERIOD
+    assert not door.permits("a", "call", "/x")
+
+
 def test_the_last_valid_rules_stay_while_the_file_has_a_mistake(path, clock, caplog):
     write(path, "a: {may: [call /x]}")
     door = Door(path, now=clock)

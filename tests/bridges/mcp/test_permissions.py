@@ -2,6 +2,8 @@
 
 import pytest
 
+import srvgen
+from taskrpc.bridges.door import Door
 from taskrpc.bridges.mcp.permissions import Permissions, Refused
 from tests.bridges.mcp.doors import Decision, Outcome, TableDoor
 
@@ -48,3 +50,16 @@ def test_refusal_names_the_rule(decision, text):
         Permissions(TableDoor(arm=decision)).check("call", "/arm")
     assert str(refused.value) == text
     assert (refused.value.line, refused.value.retry_after) == (decision.line, decision.retry_after)
+
+
+def test_policy_of_a_file_decides(tmp_path):
+    file = tmp_path / "door.yaml"
+    file.write_text("agents: {may: [call /robot_task], limits: {/robot_task: {priority: 1..5}}}")
+    file.chmod(0o644)
+    permissions = Permissions(Door(file), "agents")
+    robot_task = srvgen.load("my_robot_interfaces/srv/RobotTask")
+    assert permissions.shows("call", "/robot_task")
+    assert not permissions.shows("call", "/robot_task/stop")
+    assert permissions.check("call", "/robot_task", robot_task.Request(priority=3))
+    with pytest.raises(Refused, match="expected 1 to 5, got 9"):
+        permissions.check("call", "/robot_task", robot_task.Request(priority=9))

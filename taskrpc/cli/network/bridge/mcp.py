@@ -10,10 +10,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskrpc.cli.shared import remote
-from taskrpc.cli.shared.command import Exit, UsageError, exit_after, tune_for_long_run
+from taskrpc.cli.shared.command import (
+    Exit,
+    NotFound,
+    UsageError,
+    exit_after,
+    hinted,
+    tune_for_long_run,
+)
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
+    from taskrpc.bridges.mcp.permissions import Permissions
     from taskrpc.bridges.mcp.serving import HttpServer
 
 _NAME = "mcp_bridge"
@@ -35,6 +43,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         type=Path,
         help="The map of the robot (YAML), for the agent to read",
     )
+    add("--policy", metavar="FILE", help="What the agent may do (YAML); see taskrpc door")
+    add("--as", metavar="NAME", dest="name", default="", help="The agent's name in the policy")
     parser.set_defaults(run=_run, connect=None, tls_ca=None, tls_cert=None, tls_key=None)
 
 
@@ -47,6 +57,7 @@ def _run(options: argparse.Namespace) -> int:
     token = remote.remote_of(options).token or ""
     if options.http:
         _check_http(options, token)
+    permissions = _permissions(options)
     if options.map:
         from taskrpc.robot import read_map
 
@@ -55,7 +66,26 @@ def _run(options: argparse.Namespace) -> int:
         find_runtime_folder(os.environ, Path(f"/run/user/{os.getuid()}"))
     from taskrpc.program import run
 
-    return run(_serve(options, token))
+    return run(_serve(options, permissions, token))
+
+
+def _permissions(options: argparse.Namespace) -> Permissions:
+    """Return what the agent may do. Raises UsageError, PolicyError, NotFound."""
+    from taskrpc.bridges.mcp.permissions import Permissions
+
+    if bool(options.policy) != bool(options.name):
+        problem = "expected --policy FILE and --as NAME together"
+        raise UsageError(f"taskrpc bridge mcp: error: {problem}")
+    if not options.policy:
+        return Permissions()
+    from srvgen.definitions.names import did_you_mean
+    from taskrpc.bridges.door import Door
+
+    door = Door(options.policy)  # without a node: the bridge asks only about absolute names
+    if options.name not in door.policy.names:
+        problem = f"{options.policy} has no rules for {options.name!r}"
+        raise hinted(NotFound(problem), did_you_mean(options.name, door.policy.names))
+    return Permissions(door, options.name)
 
 
 def find_runtime_folder(environment: MutableMapping[str, str], usual: Path) -> None:
@@ -90,7 +120,7 @@ def _check_http(options: argparse.Namespace, token: str) -> None:
         raise UsageError(f"taskrpc bridge mcp: error: {problem}")
 
 
-async def _serve(options: argparse.Namespace, token: str) -> int:
+async def _serve(options: argparse.Namespace, permissions: Permissions, token: str) -> int:
     """Serve until the client has left or the process gets a signal."""
     import asyncio
 
@@ -101,7 +131,7 @@ async def _serve(options: argparse.Namespace, token: str) -> int:
     from taskrpc.spi import split_address
 
     async with stop_requested() as stopped, Node(_NAME, namespace="/") as node:
-        agent = AgentServer(node, map_file=options.map)
+        agent = AgentServer(node, permissions, options.map)
         http: HttpServer | None = None
         if options.http:
             http = HttpServer(agent.server, *split_address(options.http), token)
@@ -110,7 +140,8 @@ async def _serve(options: argparse.Namespace, token: str) -> int:
             serving = asyncio.create_task(serve_stdio(agent.server))
         where = "standard input and output" if http is None else http.url
         print(f"taskrpc bridge ready: MCP at {where}", file=sys.stderr, flush=True)
-        print(_RIGHTS, file=sys.stderr, flush=True)
+        rights = f"The agent may do what {options.policy} permits {options.name}"
+        print(rights if options.policy else _RIGHTS, file=sys.stderr, flush=True)
         tune_for_long_run()
         ends: list[asyncio.Future[Any]] = [stopped, serving]
         await asyncio.wait(ends, return_when=asyncio.FIRST_COMPLETED)

@@ -24,6 +24,28 @@ def test_mistake_in_the_options_gives_one_message(options, status, problem, caps
     assert problem in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("options", "status", "problem"),
+    [
+        (["--policy", "door.yaml"], 2, "expected --policy FILE and --as NAME together"),
+        (["--as", "agents"], 2, "expected --policy FILE and --as NAME together"),
+        (["--policy", "door.yaml", "--as", "agent"], 1, "has no rules for 'agent'"),
+        (["--policy", "wrong.yaml", "--as", "agents"], 1, "wrong.yaml:1:"),
+        (["--policy", "missing.yaml", "--as", "agents"], 1, "cannot read the policy"),
+    ],
+)
+def test_mistake_in_the_policy_gives_one_message(
+    options, status, problem, tmp_path, monkeypatch, capsys
+):
+    pytest.importorskip("mcp_types")
+    monkeypatch.chdir(tmp_path)
+    for name, text in ("door.yaml", "agents: {may: [call /x]}"), ("wrong.yaml", "agents: {my: 1}"):
+        (tmp_path / name).write_text(text)
+        (tmp_path / name).chmod(0o644)
+    assert main.main(["bridge", "mcp", *options]) == status
+    assert problem in capsys.readouterr().err
+
+
 def test_token_that_can_be_guessed_is_refused(tmp_path, capsys):
     pytest.importorskip("mcp_types")
     file = tmp_path / "token"
