@@ -17,7 +17,7 @@ from taskrpc.course.scenes.player import program_path
 from tests.course.scenes.test_player import CURES, LIKE_ROS
 from tests.ros_domains import own_domains
 
-ALONE = [each.name for each in SCENES if not each.robot]
+ALONE = [each.name for each in SCENES if not (each.robot or each.simulated)]
 LIMIT = 15.0
 """Seconds until a program counts as hanging; the others end within five."""
 FIELDS = {
