@@ -96,7 +96,9 @@ def test_page_can_be_read_by_everybody(tabs, url):
 
 def test_list_leads_to_the_scenes(tabs, url):
     tab = tabs.open(f"{url}?scene=")
-    tab.wait(lambda: len(tab.all("#scene_panel .scene_list a")) == 10, "the list of scenes")
+    tab.wait(
+        lambda: len(tab.all("#scene_panel .scene_list a")) == len(SCENES), "the list of scenes"
+    )
     tab.click("#scene_panel .scene_list a")
     assert tab.text("#scene_panel h2") == "The response is lost"
     tab.click("#scene_panel [aria-label='next scene']")
@@ -111,7 +113,9 @@ def test_page_of_a_task_server_says_how_to_start_the_scenes(tabs, start_server):
 
 def test_address_without_a_scene_leads_to_the_list(tabs, url):
     tab = tabs.open(url)
-    tab.wait(lambda: len(tab.all("#scene_panel .scene_list a")) == 10, "the list of scenes")
+    tab.wait(
+        lambda: len(tab.all("#scene_panel .scene_list a")) == len(SCENES), "the list of scenes"
+    )
 
 
 @pytest.mark.parametrize("scene", [each.name for each in SCENES])
