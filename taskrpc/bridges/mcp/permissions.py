@@ -1,51 +1,22 @@
 """What an agent may do: all that its user may, or what a policy permits. Pure.
 
-`Door` is what the bridge needs of a policy. Without one, the agent has the rights of the user who
-started the bridge, as clients of rosbridge have.
+A `Door` has the policy. Without one, the agent has the rights of the user who started the bridge,
+as clients of rosbridge have.
 """
 
 from __future__ import annotations
 
-from enum import Enum
-from typing import Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from taskrpc.bridges.door.decisions import Outcome
 from taskrpc.errors import TaskRpcError
 from taskrpc.spi import names
 
+if TYPE_CHECKING:
+    from taskrpc.bridges.door import Door
+
 Verb: TypeAlias = Literal["call", "read"]
 """`call` a service or an action, `read` a topic."""
-
-_ALLOWED, _DRY_RUN, _NEEDS_APPROVAL = "allowed", "dry run", "needs approval"
-
-
-class Decision(Protocol):
-    """What a policy says about one request."""
-
-    @property
-    def outcome(self) -> Enum:
-        """Its value is `allowed`, `refused`, `needs approval` or `dry run`."""
-
-    @property
-    def line(self) -> int:
-        """The line of the rule in the policy; 0 if there is none."""
-
-    @property
-    def reason(self) -> str:
-        """Why the request is refused: what was expected and what came."""
-
-    @property
-    def retry_after(self) -> float:
-        """Seconds after which a request that came too soon may be repeated."""
-
-
-class Door(Protocol):
-    """A policy that decides about each request."""
-
-    def decide(self, name: str, verb: str, target: str, message: object = None) -> Decision:
-        """Decide whether `name` may do this now; a permission counts for its rate."""
-
-    def permits(self, name: str, verb: str, target: str) -> bool:
-        """Return whether `name` may do this with some message; nothing counts for a rate."""
 
 
 class Refused(TaskRpcError):
@@ -89,11 +60,10 @@ class Permissions:
         if self._door is None:
             return True
         decision = self._door.decide(self.name, verb, target, message)
-        outcome = decision.outcome.value
-        if outcome in (_ALLOWED, _DRY_RUN):
-            return bool(outcome == _ALLOWED)
+        if decision.outcome in (Outcome.ALLOWED, Outcome.DRY_RUN):
+            return decision.outcome is Outcome.ALLOWED
         reason = decision.reason
-        if outcome == _NEEDS_APPROVAL:
+        if decision.outcome is Outcome.NEEDS_APPROVAL:
             reason = f"a person must approve {verb} {target}, and this bridge cannot ask one"
         rule = f" (line {decision.line} of the policy)" if decision.line else ""
         raise Refused(f"{reason}{rule}", line=decision.line, retry_after=decision.retry_after)

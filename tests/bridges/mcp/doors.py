@@ -1,22 +1,6 @@
 """A policy for tests: a table of decisions."""
 
-from enum import Enum
-
-import msgspec
-
-
-class Outcome(Enum):
-    ALLOWED = "allowed"
-    REFUSED = "refused"
-    NEEDS_APPROVAL = "needs approval"
-    DRY_RUN = "dry run"
-
-
-class Decision(msgspec.Struct, frozen=True):
-    outcome: Outcome
-    line: int = 0
-    reason: str = ""
-    retry_after: float = 0.0
+from taskrpc.bridges.door import Decision, Outcome
 
 
 class TableDoor:

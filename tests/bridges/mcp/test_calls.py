@@ -8,11 +8,12 @@ from mcp import Client
 
 import srvgen
 import taskrpc
+from taskrpc.bridges.door import Decision, Outcome
 from taskrpc.bridges.mcp.calls import ToolCalls
 from taskrpc.bridges.mcp.permissions import Permissions
 from taskrpc.bridges.mcp.server import AgentServer
 from tests.bridges.mcp.agents import MODES, connected, failed
-from tests.bridges.mcp.doors import Decision, Outcome, TableDoor
+from tests.bridges.mcp.doors import TableDoor
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
 TRIGGER = srvgen.load("std_srvs/srv/Trigger")

@@ -3,9 +3,9 @@
 import pytest
 
 import srvgen
-from taskrpc.bridges.door import Door
+from taskrpc.bridges.door import Decision, Door, Outcome
 from taskrpc.bridges.mcp.permissions import Permissions, Refused
-from tests.bridges.mcp.doors import Decision, Outcome, TableDoor
+from tests.bridges.mcp.doors import TableDoor
 
 
 def test_without_a_policy_everything_is_shown_and_allowed():

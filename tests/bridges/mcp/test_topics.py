@@ -7,8 +7,9 @@ from mcp.shared.exceptions import MCPError
 
 import srvgen
 import taskrpc
+from taskrpc.bridges.door import Decision, Outcome
 from tests.bridges.mcp.agents import MODES, connected
-from tests.bridges.mcp.doors import Decision, Outcome, TableDoor
+from tests.bridges.mcp.doors import TableDoor
 
 STRING = srvgen.load("std_msgs/msg/String")
 
