@@ -10,7 +10,7 @@ from taskrpc.errors import Code
 from taskrpc.simulation.run.contents import Contents, span_of
 from taskrpc.simulation.run.trace import Trace
 from taskrpc.simulation.run.world import CallRecord
-from taskrpc.spi import Fault
+from taskrpc.spi import Fault, names
 from taskrpc.testing import CallFaults
 from taskrpc.topic import Publisher
 
@@ -21,15 +21,6 @@ if TYPE_CHECKING:
 
 _HIDDEN = ("/_", "/rosout", "/parameter_events")
 """Services and topics that programs do not use themselves."""
-_OF_PARAMETERS = (
-    "/describe_parameters",
-    "/get_parameter_types",
-    "/get_parameters",
-    "/list_parameters",
-    "/set_parameters",
-    "/set_parameters_atomically",
-    "/get_type_description",
-)
 _OF_ACTIONS = "/_action/status"
 """The topic on which taskrpc and rclpy tell the states of goals."""
 
@@ -198,4 +189,5 @@ class _Plan:
 
 def is_hidden(service: str) -> bool:
     """Whether a service or topic is one that taskrpc or rclpy makes by itself."""
-    return service.startswith(_HIDDEN) or service.endswith((*_OF_PARAMETERS, _OF_ACTIONS))
+    is_own = service.startswith(_HIDDEN) or service.endswith(_OF_ACTIONS)
+    return is_own or names.is_of_every_node(service)
