@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, TypeAlias
 
 from srvgen.definitions.lines import split_full_text
+from srvgen.definitions.literals import INTEGER_RANGES
 from srvgen.definitions.model import (
     Constant,
     Definition,
@@ -36,14 +37,6 @@ _HEADINGS = ("request", "response", "goal", "result", "feedback")
 """Comments that say nothing: the section is a request anyway."""
 _MOST_CONSTANTS = 40
 """Most constants in the description of a field."""
-_BITS = {"int8": 8, "int16": 16, "int32": 32, "int64": 64}
-_INTEGERS = {
-    **{name: (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for name, bits in _BITS.items()},
-    **{f"u{name}": (0, 2**bits - 1) for name, bits in _BITS.items()},
-    "byte": (0, 255),
-    "char": (0, 255),
-}
-"""The lowest and the highest value of each integer type."""
 _BASE64: Schema = {"type": "string", "contentEncoding": "base64"}
 _OPTIONS: dict[str, Schema] = {
     REQUEST_ID: {
@@ -164,8 +157,8 @@ class _Schemas:
     def _element(self, kind: FieldType, nested: Any) -> Schema:
         if nested is not None:
             return self._reference(kind.full_name, nested)
-        if kind.base in _INTEGERS:
-            low, high = _INTEGERS[kind.base]
+        if kind.base in INTEGER_RANGES:
+            low, high = INTEGER_RANGES[kind.base]
             return {"type": "integer", "minimum": low, "maximum": high}
         if kind.base == "bool":
             return {"type": "boolean"}
