@@ -77,7 +77,7 @@ class Document:
         self.root: Node = root
 
     def _compose(self, text: str) -> Any:
-        import yaml  # not at the top: a server with its own robot class reads no map
+        import yaml  # not at the top: most programs read no such file
 
         from taskrpc.core import yaml_text
 
