@@ -25,7 +25,8 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.ros.process_tree import ProcessTree
 
 PROGRAMS = Path(__file__).parent / "programs"
-"""The folder of the programs: `NAME/problem.py` and `NAME/cure.py`."""
+"""The folder of the programs: `NAME/problem.py` and `NAME/cure.py`. A scene that is simulated has a
+`NAME/scene.sim.py`, too, in which the program is `shop.py`."""
 
 _START = 30.0
 """Seconds until the first thing happens; a slow computer imports slowly."""
