@@ -166,6 +166,7 @@ for number in range(3, 100):
     assert "it sent 0 requests" in found
 
 
+@pytest.mark.labs
 @pytest.mark.parametrize(
     ("number", "title", "source"), CASES, ids=lambda value: getattr(value, "name", value)
 )
