@@ -67,12 +67,14 @@ async def test_nodes_of_other_programs_are_not_foreign_without_an_enclave_either
 
 
 async def test_nodes_are_nodes_of_ros_with_the_enclave_of_the_program(ros):
+    others = set(threading.enumerate())
     async with node("arm", namespace="/robot"):
         names = {(each.namespace, each.name): each.enclave for each in ros.nodes}
         assert names["/robot", "arm"].startswith(ENCLAVE)
-    for thread in threading.enumerate():
+    for thread in set(threading.enumerate()) - others:
         if thread.name.startswith("taskrpc "):  # only these threads destroy nodes
             await asyncio.to_thread(thread.join, 60)
+            assert not thread.is_alive()
     assert ros.nodes == []
 
 
