@@ -103,7 +103,7 @@ async def run_on(
         await tree.end_descendants()
     lines.end()
     await stage.rest(_REST)
-    if scene.simulated:
+    if scene.simulated and not like_ros:
         shutil.copy(program, stage.folder / "shop.py")
         for each in await _simulated(PROGRAMS / scene.name, stage.folder, environment):
             clock.report(*each)

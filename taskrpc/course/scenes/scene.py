@@ -74,7 +74,7 @@ class Scene(msgspec.Struct, frozen=True):
         robot: whether the programs call a robot.
         faults: the faults of the robot's services, as `taskrpc-server --fault` takes them.
         hangs: whether the program with the mistake waits for ever.
-        simulated: whether `taskrpc simulate` runs the program many times afterwards.
+        simulated: whether `taskrpc simulate` runs the program many times afterwards; ROS 2 cannot.
     """
 
     name: str

@@ -123,6 +123,13 @@ async def test_like_ros(name):
 
 @pytest.mark.labs
 @pytest.mark.real_time
+async def test_like_ros_nothing_is_simulated():
+    seen = await moments_of(scene("same-box"), like_ros=True)
+    assert [moment.actor for moment in seen] == ["program", "program"]
+
+
+@pytest.mark.labs
+@pytest.mark.real_time
 @EACH
 async def test_cure(each):
     seen = await moments_of(each, cure=True)
