@@ -3,10 +3,14 @@
 import contextlib
 
 import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
+from taskrpc.simulation.interpreter import stacks as module
 from taskrpc.simulation.interpreter.stacks import STEP, Killed, Stacks, Stop
 from taskrpc.simulation.interpreter.threads import Handle
 from taskrpc.spi import current_program
+from tests.properties import examples
 
 
 def first(_ready):
@@ -275,3 +279,47 @@ def test_each_stack_is_announced_before_it_runs(stacks):
     start(stacks, lambda: seen.append("b"), "b")
     run(stacks)
     assert seen == ["enter a", "a", "enter b", "b"]
+
+
+waits = st.lists(st.sampled_from([0.0, 0.0, 0.0, STEP, 3 * STEP, 0.5, 1.0]), max_size=12)
+
+
+@given(st.lists(waits, min_size=1, max_size=4), st.sampled_from([STEP, 0.01]))
+@settings(max_examples=examples(500), deadline=None)
+@example([[0.0] * 3, [0.0] * 3, [0.5, 0.0, 0.0, 0.0]], 0.01)
+def test_a_step_without_a_switch_changes_nothing_of_a_run(programs, slowness):
+    def played(is_quiet):
+        stacks, seen = Stacks(), []
+        stacks.slowness["0"] = slowness
+
+        def work(number):
+            for each in programs[number]:
+                stacks.sleep(each)
+                seen.append((number, stacks.now, stacks.steps))
+
+        try:
+            for number in range(len(programs)):
+                start(stacks, lambda number=number: work(number), str(number))
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr(module, "_RESTLESS", 6)  # a stack that polls soon counts as restless
+                stops = [
+                    stacks.run(until, lambda ready: 7 * stacks.steps % len(ready), never, is_quiet)
+                    for until in (0.025, 0.515, 30.0)
+                ]
+            return seen, stops, stacks.now, stacks.steps
+        finally:
+            stacks.reset()
+
+    assert played(lambda: True) == played(never)
+
+
+def test_a_stack_takes_steps_without_a_switch_only_while_nothing_is_to_be_seen(stacks, monkeypatch):
+    switches = []
+    switch = Stacks._switch
+    monkeypatch.setattr(
+        Stacks, "_switch", lambda self, stack: switches.append(stack) or switch(self, stack)
+    )
+    start(stacks, lambda: [stacks.sleep(0) for _ in range(10)])
+    stacks.run(100.0, first, never, lambda: len(switches) == 2)
+    assert len(switches) == 2
+    assert stacks.steps == 11
